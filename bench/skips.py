@@ -14,8 +14,8 @@ import numpy as np
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.frame.plan import SKIPS
 from ssgi_cl.frame.render import Frame, render
+from ssgi_cl.frame.skips import SKIPS
 from ssgi_cl.rasterize.scenes import BuiltinScene
 
 from .skip_scenes import TABLE_SCENES

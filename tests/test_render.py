@@ -13,9 +13,10 @@ from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
 from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.frame.plan import SKIPS
+from ssgi_cl.frame.params import FrameParams
 from ssgi_cl.frame.render import Frame, Renderer
 from ssgi_cl.frame.render import render as render_kept
+from ssgi_cl.frame.skips import SKIPS
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.reference.shade import shade_reference
 from ssgi_cl.reference.tonemap import encoded_reference
@@ -410,7 +411,9 @@ def test_two_frames_have_bit_identical_results(runtime: Runtime, small: Scene) -
 
 
 def test_steady_frames_allocate_no_device_memory_and_compile_nothing(runtime: Runtime, small: Scene) -> None:
-    renderer = Renderer(runtime, (48, 64), ao=SsaoParams(radius=0.3), shadow_size=128, layers=2, margin=(3, 4))
+    renderer = Renderer(
+        runtime, (48, 64), FrameParams(bounces=0, ao=SsaoParams(radius=0.3), shadow_size=128, layers=2, overscan=0.0625)
+    )
     first = renderer(small, viewer(), LIGHTS)
     before = runtime.allocated_bytes, runtime.builds
     for step in range(3):
@@ -429,7 +432,7 @@ def test_render_prepares_once_for_the_same_size_and_settings(runtime: Runtime, s
 
 
 def test_a_frame_does_not_depend_on_the_frames_before(runtime: Runtime, small: Scene) -> None:
-    renderer = Renderer(runtime, (48, 64), ao=SsaoParams(radius=0.3), shadow_size=128)
+    renderer = Renderer(runtime, (48, 64), FrameParams(bounces=0, ao=SsaoParams(radius=0.3), shadow_size=128))
     fresh = renderer(small, viewer(), [SUN, SKY])
     renderer(small, viewer(), [LAMP, SPOT, SUN, SKY], exposure=3.0)
     renderer(small, viewer(), [])
@@ -560,10 +563,3 @@ def test_camera_of_another_size_than_prepared_is_refused(runtime: Runtime, small
     renderer = Renderer(runtime, (6, 8))
     with pytest.raises(ValueError, match=r"\(6, 8\)"):
         renderer(small, viewer(9, 6), [SKY])
-
-
-def test_the_former_name_of_auxiliary_cameras_serves_and_warns(runtime: Runtime) -> None:
-    with pytest.warns(DeprecationWarning, match="is now render\\(auxiliary_cameras="):
-        former = box(runtime, indirect="ssdo", ao_radius=0.5, extra_cameras=2)
-    now = box(runtime, indirect="ssdo", ao_radius=0.5, auxiliary_cameras=2)
-    np.testing.assert_array_equal(former.radiance, now.radiance)

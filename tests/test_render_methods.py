@@ -13,7 +13,7 @@ from click.testing import CliRunner, Result
 import ssgi_cl as gi
 from ssgi_cl.cli.command import main
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.frame.render_params import bounce_methods, bounce_params
+from ssgi_cl.frame.params import bounce_methods, bounce_params
 from ssgi_cl.io import exr
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.techniques.indirect import multires_splat as multires

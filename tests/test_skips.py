@@ -15,8 +15,9 @@ from ssgi_cl.cli.command import main
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import Environment, Light, PointLight, SpotLight
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.frame.plan import OUTPUTS, SKIPS, chosen_outputs, chosen_skips
+from ssgi_cl.frame.params import FrameParams
 from ssgi_cl.frame.render import Frame, Renderer, render
+from ssgi_cl.frame.skips import OUTPUTS, SKIPS, chosen_outputs, chosen_skips
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, BuiltinScene
 from ssgi_cl.techniques.ao.gtao import GtaoParams
 
@@ -99,7 +100,7 @@ def test_skips_leave_the_bits_of_every_technique(runtime: Runtime, options: dict
 def test_a_renderer_keeps_nothing_of_another_scene_view_or_light(runtime: Runtime) -> None:
     built, other = SKIP_SCENES[0](), BUILTIN_SCENES["cornell_box"]()
     kept, fresh = (
-        Renderer(runtime, SIZE[::-1], ao=GtaoParams(radius=0.1), shadow_size=64, skips=skips)
+        Renderer(runtime, SIZE[::-1], FrameParams(bounces=0, ao=GtaoParams(radius=0.1), shadow_size=64, skips=skips))
         for skips in (set(SKIPS) - {"dark"}, False)
     )
     punctual_light = SpotLight((0.0, 3.0, 0.0), (0.0, -1.0, 0.0), 0.5, 10.0)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ssgi_cl.frame.plan import SKIPS
 from ssgi_cl.frame.render import render
+from ssgi_cl.frame.skips import SKIPS
 from ssgi_cl.tuning.case import Family, Own, Subject
 from ssgi_cl.tuning.context import Context
 

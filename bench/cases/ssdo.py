@@ -14,6 +14,7 @@ from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import Environment
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.frame.auxiliary_views import SIZE, AuxiliaryViews
+from ssgi_cl.frame.params import FrameParams
 from ssgi_cl.frame.render import Renderer
 from ssgi_cl.rasterize.rasterizer import Rasterizer
 from ssgi_cl.rasterize.view import device_scene
@@ -164,7 +165,9 @@ class Frames(Own):
         if kind in ("drawn", "cameras"):
             return _drawn(context, kind, number)
         if kind == "ssao":
-            renderer = Renderer(runtime, context.size, ao=SsaoParams(radius=radius, samples=number))
+            renderer = Renderer(
+                runtime, context.size, FrameParams(bounces=0, ao=SsaoParams(radius=radius, samples=number))
+            )
         elif kind in ("direct", "bounce", "layers", "points"):
             params = SsdoParams(
                 radius=radius,
@@ -172,11 +175,13 @@ class Frames(Own):
                 samples=number,
                 bounce=kind != "direct",
             )
-            renderer = Renderer(runtime, context.size, indirect=params, layers=layers)
+            renderer = Renderer(runtime, context.size, FrameParams(indirect=params, layers=layers))
         elif kind in ("bitmask", "bitmask-layers", "views"):
             params = SsdoParams(radius=radius, slices=number, resolution="half")
             views = EXTRA_CAMERAS if kind == "views" else 0
-            renderer = Renderer(runtime, context.size, indirect=params, layers=layers, views=views)
+            renderer = Renderer(
+                runtime, context.size, FrameParams(indirect=params, layers=layers, auxiliary_cameras=views)
+            )
         else:
             raise ValueError(
                 f"setting is {setting!r}: expected ssao, direct, bounce, layers, points, "

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from ssgi_cl.frame.whole import DEFAULT_PRESET, PRESETS
+from ssgi_cl.frame.params import DEFAULT_PRESET, PRESETS
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,9 @@ import click
 
 from ssgi_cl.cli.render import frame_arguments, render_command
 from ssgi_cl.core.atomic import replacement
-from ssgi_cl.frame.graph_record import GraphRecord
-from ssgi_cl.frame.plan import OUTPUTS, SKIPS, chosen_outputs
+from ssgi_cl.frame.record import GraphRecord
 from ssgi_cl.frame.render import render
+from ssgi_cl.frame.skips import OUTPUTS, SKIPS, chosen_outputs
 from ssgi_cl.io.console import checked_output, human_errors, printable, progress
 
 WRITERS = {".svg": GraphRecord.to_svg, ".dot": GraphRecord.to_dot, ".json": GraphRecord.to_json}

@@ -14,10 +14,9 @@ from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.errors import shown
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.frame.plan import SKIPS
+from ssgi_cl.frame.params import AO_DEFAULT, BOUNCES, DEFAULT_PRESET, PRESETS
 from ssgi_cl.frame.render import Frame, render
-from ssgi_cl.frame.render_params import AO_DEFAULT, BOUNCES
-from ssgi_cl.frame.whole import DEFAULT_PRESET, PRESETS
+from ssgi_cl.frame.skips import SKIPS
 from ssgi_cl.io import exr, png
 from ssgi_cl.io.console import (
     DEFAULT_FOV,

@@ -11,7 +11,7 @@ from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.frame.plan import same
+from ssgi_cl.frame.skips import same
 from ssgi_cl.rasterize.rasterizer import Rasterizer
 from ssgi_cl.rasterize.shadow_map import light_cameras
 from ssgi_cl.rasterize.view import device_scene

@@ -15,9 +15,9 @@ from typing import Any
 
 from ssgi_cl.core import checks
 from ssgi_cl.device.runtime import PassTime, Runtime
-from ssgi_cl.frame.graph_record import GraphLog, StageNames, StageRun, device_bytes
-from ssgi_cl.frame.plan import same
-from ssgi_cl.frame.stage import Resource, Stage, Values, ordered, writers_of
+from ssgi_cl.frame.record import GraphLog, StageNames, StageRun, device_bytes
+from ssgi_cl.frame.skips import same
+from ssgi_cl.frame.stage import Resource, Stage, Values, ordered, results_of, writers_of
 
 UNCHANGED = "all that it is made of stays the same"
 """Why a stage is not run whose results are reused."""
@@ -258,8 +258,7 @@ class Graph:
                 self.runtime.skip(stage.label or name, why)
                 results: tuple[Any, ...] = (None,) * len(stage.writes)
             else:
-                result = stage.run({each: values.get(each) for each in stage.uses})
-                results = result if len(stage.writes) > 1 else (result,)
+                results = results_of(stage, values)
         host_ms = (perf_counter() - start) * 1e3
         state = "idle" if why else "ran"
         log[name] = StageRun(state, why, first, self.runtime.noted, host_ms)

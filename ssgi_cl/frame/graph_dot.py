@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from ssgi_cl.frame.graph_layout import mebibytes
 
 if TYPE_CHECKING:
-    from ssgi_cl.frame.graph_record import GraphRecord
+    from ssgi_cl.frame.record import GraphRecord
 
 _STYLES = {
     "ran": "filled",

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from ssgi_cl.frame.graph_record import GraphRecord
+    from ssgi_cl.frame.record import GraphRecord
 
 LANE = 16.0
 """Width that a line takes in a layer that it passes, px."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from ssgi_cl.frame.graph_layout import Layout, layout, mebibytes, readers
 
 if TYPE_CHECKING:
-    from ssgi_cl.frame.graph_record import GraphRecord, ResourceRecord, StageRecord
+    from ssgi_cl.frame.record import GraphRecord, ResourceRecord, StageRecord
 
 BOX = 244.0
 LINE = 14.0

@@ -2,39 +2,18 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Sequence
-from typing import Any
 
-from ssgi_cl.core import checks
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import Light, light_tuple
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.runtime import Runtime, serialised
-from ssgi_cl.frame.plan import Needs, chosen_skips
-from ssgi_cl.frame.render_params import ao_name, bounce_method, bounce_name, bounce_params, shape_of
-from ssgi_cl.frame.renderer import Renderer
+from ssgi_cl.frame.params import FrameParams
+from ssgi_cl.frame.renderer import Renderer, default_ao_radius
 from ssgi_cl.frame.result import Frame
-from ssgi_cl.frame.whole import CONTACT, cell_size, whole_params
-from ssgi_cl.rasterize.view import MOST_LAYERS, device_scene, margin_of
-from ssgi_cl.rasterize.visible_extent import visible_extent
-from ssgi_cl.techniques.catalogue import TECHNIQUES
-from ssgi_cl.techniques.shading.tonemap import CURVES
+from ssgi_cl.rasterize.view import device_scene
 
-__all__ = ["Frame", "Renderer", "render"]
-
-AO_RADIUS_SHARE = 0.05
-"""Default radius of ambient occlusion, as a fraction of the picture's diagonal at what is seen."""
-
-
-def default_ao_radius(scene: Scene, camera: Camera, runtime: Runtime) -> float:
-    """Return the radius of ambient occlusion that suits a view, in scene units.
-
-    It is 5 % of the diagonal of the picture where surfaces are seen, and no more than that of the
-    scene's box, or twice that of its subject (see `visible_extent`): neither a backdrop nor a long
-    street enlarges it.
-    """
-    return AO_RADIUS_SHARE * visible_extent(scene, camera, runtime=runtime)
+__all__ = ["Frame", "Renderer", "default_ao_radius", "render"]
 
 
 @serialised
@@ -65,7 +44,6 @@ def render(
     outputs: Iterable[str] | None = None,
     skips: bool | Iterable[str] = True,
     runtime: Runtime | None = None,
-    extra_cameras: int | None = None,
 ) -> Frame:
     """Render the whole picture: direct light with shadows, sky, all bounces, emission.
 
@@ -124,9 +102,8 @@ def render(
             "gbuffer": what they don't need is not computed. By default image and radiance, and AO
             and indirect light where the image needs them.
         skips: what may be left out where the scene shows that it is idle: True for all, False for
-            none, or names from `ssgi_cl.frame.plan.SKIPS`. None changes a bit of any output.
+            none, or names from `ssgi_cl.frame.skips.SKIPS`. None changes a bit of any output.
         runtime: the device; by default the fastest found.
-        extra_cameras: the former name of `auxiliary_cameras`, for one release.
 
     Returns:
         The picture, its radiance, AO, indirect light and G-buffer if asked for, and the table of
@@ -138,86 +115,33 @@ def render(
     if not isinstance(camera, Camera):
         raise TypeError(f"camera is {camera!r}: expected an ssgi_cl.Camera")
     lights = light_tuple(lights)
-    layers = checks.integer("layers", layers, low=1, high=MOST_LAYERS)
-    shadow_size = checks.integer("shadow_size", shadow_size, low=16, high=8192, unit="texels")
-    rsm_size = checks.integer("rsm_size", rsm_size, low=16, high=8192, unit="texels")
-    checks.choice("curve", curve, CURVES)
-    for name, switch in (("multi_bounce", multi_bounce), ("gbuffer", gbuffer), ("indirect_ao", indirect_ao)):
-        checks.switch(name, switch)
-    outputs, skips = outputs if outputs is None else tuple(outputs), chosen_skips(skips)
-    Needs.of(outputs, skips)
-    whole = whole_params(bounces, preset, indirect)
-    dims, indirect = ao_name(ao, ao_samples), bounce_name(indirect)
-    method = bounce_method(indirect, method)
-    if multi_bounce and indirect == "ssdo":
-        raise ValueError("multi_bounce is True: expected False with indirect='ssdo', it is of ao")
-    if indirect_ao and whole is None and (dims is None or indirect in (None, "ssdo")):
-        raise ValueError(
-            f"indirect_ao is True: expected False with ao={ao!r} and indirect={indirect!r}, it "
-            "needs ambient occlusion and the bounce of lights"
-        )
-    if glossy_vpls and indirect != "vpl":
-        raise ValueError(f"glossy_vpls is {glossy_vpls!r}: expected 0 with indirect={indirect!r}, they are of 'vpl'")
-    if extra_cameras is not None:
-        warnings.warn(
-            "render(extra_cameras=...) is now render(auxiliary_cameras=...)", DeprecationWarning, stacklevel=2
-        )
-        auxiliary_cameras = extra_cameras
-    auxiliary_cameras = checks.integer("auxiliary_cameras", auxiliary_cameras, low=0, high=64)
-    if auxiliary_cameras and indirect != "ssdo":
-        raise ValueError(
-            f"auxiliary_cameras is {auxiliary_cameras}: expected 0 with indirect={indirect!r}, "
-            "they apply to 'ssdo' only"
-        )
-    if exposure is not None:
-        exposure = checks.number("exposure", exposure, low=0.0, above=True)
-    margin = margin_of(camera, overscan)
+    params = FrameParams(
+        bounces=bounces,
+        preset=preset,
+        ao=ao,
+        ao_radius=ao_radius,
+        ao_samples=ao_samples,
+        multi_bounce=multi_bounce,
+        indirect=indirect,
+        method=method,
+        vpls=vpls,
+        glossy_vpls=glossy_vpls,
+        indirect_ao=indirect_ao,
+        layers=layers,
+        overscan=overscan,
+        auxiliary_cameras=auxiliary_cameras,
+        shadow_size=shadow_size,
+        rsm_size=rsm_size,
+        exposure=exposure,
+        curve=curve,
+        gbuffer=gbuffer,
+        outputs=outputs,
+        skips=skips,
+    )
     runtime = runtime or Runtime.open()
     device_scene(scene, runtime)
-    if ao_radius is None and whole is not None:
-        ao_radius = CONTACT * cell_size(scene)
-    elif ao_radius is None:  # and unused without either
-        used = dims is not None or indirect == "ssdo"
-        ao_radius = default_ao_radius(scene, camera, runtime) if used else 1.0
-    bounce = bounce_params(indirect, vpls, layers, ao_radius, glossy_vpls, method)
-    params: Any = None
-    if dims is not None and indirect != "ssdo":
-        samples = {} if ao_samples is None else {"samples": ao_samples}
-        params = TECHNIQUES[dims].params(radius=ao_radius, **samples)
-    key = (
-        Renderer,
-        camera.size,
-        shape_of(params),
-        shape_of(bounce),
-        layers,
-        margin,
-        auxiliary_cameras,
-        shadow_size,
-        rsm_size,
-        curve,
-        indirect_ao,
-        whole,
-        skips,
-    )
     renderer: Renderer = runtime.prepared(
-        key,
-        lambda: Renderer(
-            runtime,
-            camera.size,
-            ao=params,
-            indirect=bounce,
-            layers=layers,
-            margin=margin,
-            views=auxiliary_cameras,
-            shadow_size=shadow_size,
-            rsm_size=rsm_size,
-            curve=curve,
-            indirect_ao=indirect_ao,
-            whole=whole,
-            skips=skips,
-        ),
+        (Renderer, camera.size, params.shape()), lambda: Renderer(runtime, camera.size, params)
     )
-    renderer.set_params(params, bounce)
-    return renderer(
-        scene, camera, lights, exposure=exposure, gbuffer=gbuffer, multi_bounce=multi_bounce, outputs=outputs
-    )
+    renderer.params = params
+    return renderer(scene, camera, lights)

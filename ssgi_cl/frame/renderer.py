@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from time import perf_counter
 from typing import Any
@@ -13,29 +13,21 @@ from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.scene_parts import scene_parts
 from ssgi_cl.core.suns import lights_with_suns
 from ssgi_cl.device.arrays import Size
-from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.frame.auxiliary_views import AuxiliaryViews
-from ssgi_cl.frame.blended import Blended
-from ssgi_cl.frame.graph import Graph
-from ssgi_cl.frame.graph_record import GraphLog, GraphRecord
-from ssgi_cl.frame.lobes import Lobes
-from ssgi_cl.frame.one_bounce import OneBounce, one_bounce
-from ssgi_cl.frame.plan import Needs, chosen_skips
-from ssgi_cl.frame.render_params import BounceParams, ao_technique
-from ssgi_cl.frame.result import Frame
-from ssgi_cl.frame.stage import Stage
-from ssgi_cl.frame.stages import (
+from ssgi_cl.frame.graph import Graph, GraphRun
+from ssgi_cl.frame.params import CONTACT, FrameParams, cell_size
+from ssgi_cl.frame.passes.build import Build
+from ssgi_cl.frame.passes.resources import (
     AO,
     AO_PARAMS,
     CAMERA,
     CASTING,
-    DIRECT,
     EXPOSURE,
     GBUFFER,
     IMAGE,
     INDIRECT,
     INDIRECT_PARAMS,
+    LEVELS,
     LIGHTS,
     MULTI_BOUNCE,
     PIXELS,
@@ -43,30 +35,30 @@ from ssgi_cl.frame.stages import (
     RESOURCES,
     SCENE,
     SKY,
-    SKY_LIGHT,
-    combine_stage,
-    direct_stage,
-    gbuffer_stage,
-    maps_stage,
-    occlusion_stage,
-    one_bounce_stage,
-    picture_stages,
-    pixels,
-    ssdo_stages,
 )
-from ssgi_cl.frame.whole import WholeParams
-from ssgi_cl.rasterize.rasterizer import Rasterizer
+from ssgi_cl.frame.passes.tonemap import pixels
+from ssgi_cl.frame.pipeline import PIPELINES
+from ssgi_cl.frame.record import GraphLog, GraphRecord
+from ssgi_cl.frame.result import Frame
+from ssgi_cl.frame.skips import Needs
 from ssgi_cl.rasterize.view import downloaded
-from ssgi_cl.techniques.ao.occlusion import OcclusionParams, OcclusionTechnique
-from ssgi_cl.techniques.indirect.ssdo import Ssdo
-from ssgi_cl.techniques.indirect.ssdo_params import SsdoParams
-from ssgi_cl.techniques.shading.light_maps import LightMaps
-from ssgi_cl.techniques.shading.seen_depths import SeenDepths
-from ssgi_cl.techniques.shading.shade import Shade
-from ssgi_cl.techniques.shading.tonemap import Tonemap, TonemapParams
+from ssgi_cl.rasterize.visible_extent import visible_extent
+
+AO_RADIUS_SHARE = 0.05
+"""Default radius of ambient occlusion, as a fraction of the picture's diagonal at what is seen."""
 
 _PLANES = {AO: "ao", INDIRECT: "indirect"}
 """Resources that a frame holds where they are there -> its outputs."""
+
+
+def default_ao_radius(scene: Scene, camera: Camera, runtime: Runtime) -> float:
+    """Return the radius of ambient occlusion that suits a view, in scene units.
+
+    It is 5 % of the diagonal of the picture where surfaces are seen, and no more than that of the
+    scene's box, or twice that of its subject (see `visible_extent`): neither a backdrop nor a long
+    street enlarges it.
+    """
+    return AO_RADIUS_SHARE * visible_extent(scene, camera, runtime=runtime)
 
 
 class Renderer:
@@ -75,240 +67,121 @@ class Renderer:
     Args:
         runtime: the device.
         size: (rows, columns) of the pictures.
-        ao: parameters of ambient occlusion, which say its technique too, or None for none.
-        indirect: parameters of one bounce of light, likewise, or None for none. SSDO hides ambient
-            light too: then `ao` is not looked at.
-        layers, margin: of the G-buffer.
-        views: auxiliary cameras of SSDO, which `auxiliary_cameras` places.
-        shadow_size, rsm_size: texels along a shadow map's side, and at most so many of them of
-            which each may reflect light.
-        curve: see `tonemap`.
-        indirect_ao: whether ambient occlusion dims the bounce of lights too.
-        whole: all bounces of all light, with the sky's visibility, in place of `indirect`; or None.
-        skips: what may be left out: True for all of `plan.SKIPS`, False for none, or their names.
+        params: of frames, by default those of `render`.
+
+    Attributes:
+        params: of the next frame; others of the same `FrameParams.shape` may be set.
     """
 
-    def __init__(
-        self,
-        runtime: Runtime,
-        size: Size,
-        *,
-        ao: OcclusionParams | None = None,
-        indirect: BounceParams | None = None,
-        layers: int = 1,
-        margin: Size = (0, 0),
-        views: int = 0,
-        shadow_size: int = 1024,
-        rsm_size: int = 512,
-        curve: str = "filmic",
-        indirect_ao: bool = False,
-        whole: WholeParams | None = None,
-        skips: bool | Iterable[str] = True,
-    ) -> None:
+    def __init__(self, runtime: Runtime, size: Size, params: FrameParams | None = None) -> None:
         self.runtime = runtime
         self.size = size
-        self.skips = chosen_skips(skips)
-        ssdo = isinstance(indirect, SsdoParams)
-        attributes = layers if ssdo else 1
-        self.rasterizer = Rasterizer(
-            runtime,
-            size,
-            layers=layers,
-            margin=margin,
-            attributes=attributes,
-            regions="region" in self.skips,
-            world="until released" if ssdo else "until derived",
-            matt=whole is None,
-            lobes=whole is not None,
-        )
-        maps = LightMaps(
-            runtime,
-            shadow_size,
-            flux=whole is not None or (indirect is not None and not ssdo),
-            glossy=getattr(indirect, "glossy_vpls", 0) > 0,
-            rsm_size=rsm_size,
-        )
-        keep = "maps" in self.skips
-        shade = Shade(runtime, size, punctual_lights=not ssdo)
-        self._bounce: OneBounce | None = None
-        self._ao: OcclusionTechnique | None = None
-        self._indirect: Ssdo | OneBounce | None = None
-        near: list[Stage] = []
-        lobes: Lobes | None = None
-        light = [DIRECT]
-        direct = direct_stage(shade)
-        of_layers = [direct]
-        look: Callable[[DeviceGBuffer], None] | None = None
-        if isinstance(indirect, SsdoParams):
-            params = replace(indirect, bent_normals=False)  # a picture has none
-            technique = Ssdo(runtime, size, params, margin, layers, attributes)
-            self._indirect = technique
-            look = technique.look
-            near = [
-                maps_stage(maps, None, keep=keep, reflects=False),
-                *ssdo_stages(technique, AuxiliaryViews(runtime, views) if views else None),
-            ]
-            light.append(INDIRECT)
-        else:
-            if indirect is not None:
-                self._bounce = one_bounce(runtime, size, indirect, margin)
-            reflects = self._bounce is not None or whole is not None
-            indirect_ao = indirect_ao and reflects
-            if ao is not None:
-                name, occlusion = ao_technique(runtime, size, ao, margin, layers)
-                self._ao = occlusion
-                near.append(
-                    occlusion_stage(
-                        name, occlusion, dims_indirect=indirect_ao or whole is not None, dark="dark" in self.skips
-                    )
-                )
-                light.append(AO)
-            near += [maps_stage(maps, SeenDepths(runtime, size), keep=keep, reflects=reflects), direct]
-            if whole is not None:
-                stages, lobes = whole.stages(runtime, size)
-                near += stages
-                light += [INDIRECT, SKY_LIGHT]
-                of_layers += [stage for stage in stages if GBUFFER in stage.reads]
-            elif self._bounce is not None:
-                near.append(one_bounce_stage(self._bounce, runtime))
-                self._indirect = self._bounce
-                light.append(INDIRECT)
-        stages = [
-            gbuffer_stage(self.rasterizer, look),
-            *near,
-            combine_stage(
-                shade,
-                light,
-                ambient=not ssdo and whole is None,
-                indirect_ao=indirect_ao,
-                gaps=whole is not None,
-                lobes=lobes,
-                blended=Blended(runtime, size, matt=whole is None),
-                layer_stages=of_layers,
-                layer_ambient=whole is None,
-            ),
-            *picture_stages(shade, Tonemap(runtime, size, TonemapParams(curve=curve))),
-        ]
-        self._graph = Graph(runtime, stages, RESOURCES, keep="unchanged" in self.skips)
-        self._light = frozenset(light)
-        self._splits_suns = whole is not None
+        self._params = params = params or FrameParams()
+        build = Build(runtime, size, params)
+        stages = PIPELINES[params.kind](build)
+        self._target = build.rasterizer.target
+        self._graph = Graph(runtime, stages, RESOURCES, keep="unchanged" in params.skips)
+        self._made = frozenset(name for stage in stages for name in stage.writes)
         self._log: GraphLog | None = None
 
-    def set_params(self, ao: OcclusionParams | None, indirect: BounceParams | None) -> None:
-        """Take other values of the parameters that this was made with, before the next frame.
+    @property
+    def params(self) -> FrameParams:
+        """Parameters of the next frame. ValueError: set to some of another shape."""
+        return self._params
 
-        Nothing is compiled or allocated for them. ValueError: they differ in more than values.
-        """
-        if self._ao is not None and ao is not None:
-            self._ao.params = ao
-        technique: Any = self._indirect
-        if technique is not None and indirect is not None:
-            if isinstance(indirect, SsdoParams):
-                indirect = replace(indirect, bent_normals=False)  # a picture has none
-            technique.params = indirect
-
-    def _params(self) -> dict[str, Any]:
-        """Return the parameters of the next frame as resources of the graph."""
-        prepared = {AO_PARAMS: self._ao, INDIRECT_PARAMS: self._indirect}
-        return {name: each.params for name, each in prepared.items() if each is not None}
-
-    def __call__(
-        self,
-        scene: Scene,
-        camera: Camera,
-        lights: Sequence[Light],
-        *,
-        exposure: float | None = None,
-        gbuffer: bool = False,
-        multi_bounce: bool = False,
-        outputs: Iterable[str] | None = None,
-    ) -> Frame:
-        """Render one frame; see `render`."""
-        return self.runtime.exclusively(
-            lambda: self._frame(
-                scene, camera, lights, exposure=exposure, gbuffer=gbuffer, multi_bounce=multi_bounce, outputs=outputs
+    @params.setter
+    def params(self, params: FrameParams) -> None:
+        if params.shape() != self._params.shape():
+            raise ValueError(
+                f"Renderer was prepared for {self._params}: expected parameters that differ in values "
+                f"alone, got {params}"
             )
-        )
+        self._params = params
 
-    def _keep_world(self) -> None:
-        """See that the G-buffer has its normals in world space, drawn anew if it did not."""
-        target = self.rasterizer.target
-        target.world = "kept"
-        if not target.has_world:
-            self._graph.forget("G-buffer")
+    def __call__(self, scene: Scene, camera: Camera, lights: Sequence[Light], **changes: Any) -> Frame:
+        """Render one frame; see `render`. `changes` are other values of parameters for it alone."""
+        params = replace(self._params, **changes) if changes else self._params
+        if changes and params.shape() != self._params.shape():
+            raise ValueError(f"{', '.join(changes)}: expected values that a renderer need not be prepared for anew")
+        return self.runtime.exclusively(lambda: self._frame(scene, camera, tuple(lights), params))
 
     def graph(self) -> GraphRecord:
         """Return the frame graph: that of the latest frame, or what a first one would run."""
         if self._log is not None:
             return self._log.record()
-        given = (SCENE, CASTING, CAMERA, LIGHTS, SKY, MULTI_BOUNCE, *self._params())
-        return self._graph.planned(given, self._resources(Needs.of(None, self.skips))).record()
+        given = (SCENE, CASTING, CAMERA, LIGHTS, SKY, MULTI_BOUNCE, AO_PARAMS, INDIRECT_PARAMS)
+        return self._graph.planned(given, self._wanted(Needs.of(None, self._params.skips))).record()
 
-    def _resources(self, needs: Needs) -> set[str]:
+    def _wanted(self, needs: Needs) -> set[str]:
         """Return the resources that the outputs of a frame are made of."""
-        wanted = {GBUFFER}
-        if needs.ao:
-            wanted |= {AO} & self._light
-        if "indirect" in needs.outputs:
-            wanted |= {INDIRECT} & self._light
-        if needs.light:
-            wanted |= {RADIANCE, EXPOSURE}
-        if "radiance" in needs.outputs:
-            wanted.add(PIXELS)
-        return wanted | {IMAGE} if needs.picture else wanted
+        light = {RADIANCE, EXPOSURE} if needs.light else set()
+        found = {PIXELS} if "radiance" in needs.outputs else set()
+        planes = {name for name, output in _PLANES.items() if output in needs.outputs and (name != AO or needs.ao)}
+        picture = {IMAGE} if needs.picture else set()
+        return {GBUFFER} | light | found | picture | (planes & self._light)
 
-    def _frame(
-        self,
-        scene: Scene,
-        camera: Camera,
-        lights: Sequence[Light],
-        *,
-        exposure: float | None,
-        gbuffer: bool,
-        multi_bounce: bool,
-        outputs: Iterable[str] | None,
-    ) -> Frame:
-        start = perf_counter()
-        needs = Needs.of(outputs, self.skips)
-        shown = tuple(lights)
-        lights, suns = lights_with_suns(shown) if self._splits_suns else (shown, None)
-        given = {
+    @property
+    def _light(self) -> set[str]:
+        """The planes that frames of this kind have."""
+        return set(_PLANES) & self._made - ({AO} if self._params.kind == "ssdo" else set())
+
+    def _radius(self, scene: Scene, camera: Camera, params: FrameParams) -> float:
+        if not params.needs_radius:
+            return 1.0
+        if params.kind == "whole":
+            return CONTACT * cell_size(scene)
+        return default_ao_radius(scene, camera, self.runtime)
+
+    def _given(self, scene: Scene, camera: Camera, lights: tuple[Light, ...], params: FrameParams) -> dict[str, Any]:
+        """Return the resources that are given; note suns that are split off environments."""
+        split = lights
+        if params.kind == "whole":
+            split, suns = lights_with_suns(lights)
+            if suns:
+                self.runtime.skip("suns", suns, 0.0)
+        occlusion, bounce = params.techniques(self._radius(scene, camera, params))
+        return {
             SCENE: scene,
             CASTING: scene_parts(scene).casting,
             CAMERA: camera,
-            LIGHTS: lights,
-            SKY: shown,
-            MULTI_BOUNCE: multi_bounce,
-            EXPOSURE: exposure,
-            **self._params(),
+            LIGHTS: split,
+            SKY: lights,
+            MULTI_BOUNCE: params.multi_bounce,
+            EXPOSURE: params.exposure,
+            AO_PARAMS: occlusion,
+            INDIRECT_PARAMS: bounce,
         }
-        if gbuffer or "gbuffer" in needs.outputs:
-            self._keep_world()
+
+    def _frame(self, scene: Scene, camera: Camera, lights: tuple[Light, ...], params: FrameParams) -> Frame:
+        start = perf_counter()
+        needs = Needs.of(params.outputs, params.skips)
+        holds = params.gbuffer or "gbuffer" in needs.outputs
+        if holds:  # normals stay in world space, and are drawn anew if they did not
+            self._target.world = "kept"
+            if not self._target.has_world:
+                self._graph.forget("G-buffer")
+        radius = self._radius(scene, camera, params)  # queues passes of its own
+        params = params if params.ao_radius is not None else replace(params, ao_radius=radius)
         with self.runtime.frame(self._graph.costs):
-            if suns:
-                self.runtime.skip("suns", suns, 0.0)
             also = {name for name, output in _PLANES.items() if output in needs.given}
-            run = self._graph.run(given, self._resources(needs), also)
-            made, seen = run.values, run.values[GBUFFER]
-            image, bounced = made.get(IMAGE), made.get(INDIRECT)
-            picture = image.copy() if image is not None and "image" in needs.outputs else None
-            visibility, reflected = (made.get(n) if n in also else None for n in (AO, INDIRECT))
-            ao = None if visibility is None else visibility.download(region=seen.seen)[0]
-            indirect = None if reflected is None else pixels(reflected)
-            kept = downloaded(seen) if gbuffer or "gbuffer" in needs.outputs else None
-            levels = None
-            if kept and bounced is not None and self._bounce is not None:
-                levels = self._bounce.levels()
-        self._log = run.log
+            given = self._given(scene, camera, lights, params)
+            run = self._graph.run(given, self._wanted(needs), also)
+            return self._held(run, needs, also, start, holds)
+
+    def _held(self, run: GraphRun, needs: Needs, also: set[str], start: float, holds: bool) -> Frame:
+        """Return what a frame holds of a run."""
+        made, seen, self._log = run.values, run.values[GBUFFER], run.log
+        image, levels = made.get(IMAGE), made.get(LEVELS)
+        visibility, reflected = (made.get(n) if n in also else None for n in (AO, INDIRECT))
         return Frame(
-            ao=ao,
-            indirect=indirect,
-            gbuffer=kept,
-            levels=levels,
+            _image=image.copy() if image is not None and "image" in needs.outputs else None,
+            ao=None if visibility is None else visibility.download(region=seen.seen)[0],
+            indirect=None if reflected is None else pixels(reflected),
+            gbuffer=downloaded(seen) if holds else None,
+            levels=levels() if holds and levels is not None else None,
             exposure=made.get(EXPOSURE, 1.0),
             passes=run.log.passes,
             wall_ms=(perf_counter() - start) * 1e3,
-            _image=picture,
             _radiance=made[PIXELS] if "radiance" in needs.outputs else None,
             _log=run.log,
         )

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.device.runtime import PassTime
-from ssgi_cl.frame.graph_record import GraphLog, GraphRecord
+from ssgi_cl.frame.record import GraphLog, GraphRecord
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,8 +25,8 @@ class Stage:
         hints: resources that change how much is computed and no bit of the result: None where they
             are not there, and no reason to make the result again.
         writes: resources that it makes.
-        run: is called with the resources of `reads` and `hints`; returns the one that it writes, or
-            a tuple of all.
+        run: is called with `Declared`, the resources of `reads` and `hints` and no other; returns
+            the one that it writes, or a tuple of all.
         condition: is called with the resources given by the caller, and their "outputs", the
             resources asked for; returns why the stage is idle, or None. An idle stage leaves None.
         reuse: "kept": results stay until what the stage reads changes. "on demand": it runs anew
@@ -51,6 +51,44 @@ class Stage:
     def uses(self) -> tuple[str, ...]:
         """`reads` and `hints`."""
         return self.reads + self.hints
+
+
+class Declared(Mapping[str, Any]):
+    """The resources that a stage declares, None where there is nothing; no other can be read.
+
+    LookupError: the name of another is asked for.
+    """
+
+    def __init__(self, stage: Stage, values: Values) -> None:
+        self._stage, self._values = stage, values
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self._stage.uses:
+            raise LookupError(
+                f"stage {self._stage.name!r} asks for {name!r}, which it does not declare: expected one of "
+                f"{', '.join(map(repr, self._stage.uses))}"
+            )
+        return self._values.get(name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._stage.uses)
+
+    def __len__(self) -> int:
+        return len(self._stage.uses)
+
+
+def results_of(stage: Stage, values: Values) -> tuple[Any, ...]:
+    """Run a stage; return what it writes, in the order of `Stage.writes`."""
+    result = stage.run(Declared(stage, values))
+    return result if len(stage.writes) > 1 else (result,)
+
+
+def run_in_order(stages: Sequence[Stage], values: Values) -> Values:
+    """Run stages one after the other; return `values` and all that they write."""
+    made = dict(values)
+    for stage in stages:
+        made.update(zip(stage.writes, results_of(stage, made), strict=True))
+    return made
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,8 +13,8 @@ import ssgi_cl as gi
 from ssgi_cl.device.arrays import DeviceArray, Plane
 from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.frame.params import FrameParams
 from ssgi_cl.frame.render import Renderer
-from ssgi_cl.frame.render_params import bounce_params
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.techniques.ao.gtao import GtaoParams
 
@@ -71,13 +71,18 @@ def renderer(runtime: Runtime, bounce: str | None, skips: bool) -> Renderer:
     return Renderer(
         runtime,
         CAMERAS[0].size,
-        ao=None if bounce == "ssdo" else GtaoParams(radius=0.3),
-        indirect=bounce_params(bounce, 64, layers, 0.5, 0, None),
-        layers=layers,
-        views=2 if bounce == "ssdo" else 0,
-        shadow_size=32,
-        rsm_size=32,
-        skips=skips,
+        FrameParams(
+            bounces=0,
+            ao=GtaoParams(radius=0.3),
+            ao_radius=0.5,
+            indirect=bounce,
+            vpls=64,
+            layers=layers,
+            auxiliary_cameras=2 if bounce == "ssdo" else 0,
+            shadow_size=32,
+            rsm_size=32,
+            skips=skips,
+        ),
     )
 
 

@@ -16,6 +16,7 @@ from ssgi_cl.core.errors import DeviceMemoryError
 from ssgi_cl.device.opencl import opencl
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.transient import ALIGNMENT
+from ssgi_cl.frame.params import FrameParams
 from ssgi_cl.frame.render import Renderer, render
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.techniques.ao.gtao import GtaoParams
@@ -64,7 +65,7 @@ def test_what_is_kept_gives_way_to_what_is_asked_for(tight: Runtime) -> None:
 
 def test_what_is_counted_is_what_is_taken(runtime: Runtime) -> None:
     def make() -> Renderer:
-        return Renderer(runtime, (48, 64), ao=GtaoParams(), layers=2, margin=(8, 8))
+        return Renderer(runtime, (48, 64), FrameParams(bounces=0, ao=GtaoParams(), layers=2, overscan=0.125))
 
     needed = runtime.memory.needed(make)
     gc.collect()

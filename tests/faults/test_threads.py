@@ -17,6 +17,7 @@ import ssgi_cl as gi
 from ssgi_cl.core.errors import DeviceError, DeviceMemoryError
 from ssgi_cl.device import host_memory
 from ssgi_cl.device.runtime import Runtime, check_not_forked
+from ssgi_cl.frame.params import FrameParams
 from ssgi_cl.frame.render import Renderer
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 
@@ -68,7 +69,7 @@ def test_threads_render_what_one_renders_and_each_sees_its_own_passes(runtime: R
 
 def test_threads_with_renderers_of_their_own(runtime: Runtime) -> None:
     def pictures(number: int) -> list[Any]:
-        renderer = Renderer(runtime, CAMERAS[0].size, shadow_size=32)
+        renderer = Renderer(runtime, CAMERAS[0].size, FrameParams(bounces=0, ao=False, shadow_size=32))
         return [renderer(BOX.scene, camera, BOX.lights).image for camera in CAMERAS[number:][:3]]
 
     expected = [pictures(number) for number in range(4)]
@@ -163,7 +164,7 @@ def test_more_shadow_maps_than_there_is_room_for_are_refused_before_any_work(
 ) -> None:
     let_all_go(runtime)
     lights = point_lights(60)
-    renderer = Renderer(runtime, CAMERAS[0].size, shadow_size=256)
+    renderer = Renderer(runtime, CAMERAS[0].size, FrameParams(bounces=0, ao=False, shadow_size=256))
     first = renderer(BOX.scene, CAMERAS[0], lights[:1]).radiance
     monkeypatch.setattr(runtime.memory, "limit", runtime.memory.used + (40 << 20))
     used = runtime.memory.used
@@ -175,7 +176,7 @@ def test_more_shadow_maps_than_there_is_room_for_are_refused_before_any_work(
 
 def test_maps_of_lights_that_are_gone_are_let_go(runtime: Runtime) -> None:
     lights = point_lights(8)
-    renderer = Renderer(runtime, CAMERAS[0].size, shadow_size=64)
+    renderer = Renderer(runtime, CAMERAS[0].size, FrameParams(bounces=0, ao=False, shadow_size=64))
     renderer(BOX.scene, CAMERAS[0], lights[:1])
     before = runtime.memory.used
     renderer(BOX.scene, CAMERAS[0], lights)

@@ -14,8 +14,8 @@ import ssgi_cl as gi
 from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.core.scene_parts import scene_parts
 from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.frame.params import FrameParams
 from ssgi_cl.frame.renderer import Renderer
-from ssgi_cl.frame.whole import WholeParams
 from ssgi_cl.reference.blended import blended_reference
 
 from ..squares import squares
@@ -212,11 +212,11 @@ def test_other_outputs_and_later_frames_are_those_without_layers(runtime: Runtim
     lights = [gi.PointLight((0.2, 0.5, 1.6), 3.0), gi.Environment((0.3, 0.3, 0.4))]
     thin = replace(PAINTED, alpha=0.4)  # casts no shadow
     scene = room(thin, TINTED)
-    renderer = Renderer(runtime, camera.size, whole=WholeParams())
+    renderer = Renderer(runtime, camera.size, FrameParams(ao=False))
     outputs = ["radiance", "indirect"]
     first = renderer(scene, camera, lights, outputs=outputs)
     assert first.indirect is not None
-    solid = Renderer(runtime, camera.size, whole=WholeParams())(
+    solid = Renderer(runtime, camera.size, FrameParams(ao=False))(
         scene_parts(scene).solid, camera, lights, outputs=outputs
     )
     np.testing.assert_array_equal(first.indirect, solid.indirect)

@@ -15,10 +15,11 @@ from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import Environment
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.graph import UNCHANGED, Graph
-from ssgi_cl.frame.graph_record import device_bytes
+from ssgi_cl.frame.params import FrameParams
+from ssgi_cl.frame.passes.resources import AO, CASTING, GBUFFER, SCENE
+from ssgi_cl.frame.record import device_bytes
 from ssgi_cl.frame.renderer import Renderer
 from ssgi_cl.frame.stage import Resource, Stage, Values
-from ssgi_cl.frame.stages import AO, CASTING, GBUFFER, SCENE
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.techniques.ao.gtao import GtaoParams
 
@@ -348,7 +349,7 @@ def test_the_record_says_how_long_each_resource_is_needed(runtime: Runtime, stag
 
 def frame_and_record(runtime: Runtime, change: Callable[[list[Any]], None] | None = None) -> Any:
     built = BUILTIN_SCENES["cornell_box"]()
-    renderer = Renderer(runtime, (48, 64), ao=GtaoParams(radius=0.3), shadow_size=32)
+    renderer = Renderer(runtime, (48, 64), FrameParams(bounces=0, ao=GtaoParams(radius=0.3), shadow_size=32))
     camera = Camera.look_at(built.eye, built.target, yfov=built.yfov, width=64, height=48)
     return renderer, renderer(built.scene, camera, (*built.lights, Environment(0.3)))
 
@@ -362,6 +363,7 @@ def test_a_frame_has_its_graph(runtime: Runtime) -> None:
         "shadow maps",
         "direct light",
         "combine",
+        "blended layers",
         "read-back",
         "exposure",
         "picture",
@@ -373,14 +375,14 @@ def test_a_frame_has_its_graph(runtime: Runtime) -> None:
     lives = {r.name: (r.first, r.last, r.output) for r in frame.graph.resources}
     assert lives[GBUFFER] == ("G-buffer", "picture", True)
     assert lives[AO] == ("gtao", "combine", True)
-    assert lives["shadow maps"] == ("shadow maps", "combine", False), "layers are lit too"
-    assert lives[SCENE] == ("G-buffer", "combine", False)
+    assert lives["shadow maps"] == ("shadow maps", "blended layers", False), "layers are lit too"
+    assert lives[SCENE] == ("G-buffer", "blended layers", False)
     assert lives[CASTING] == ("shadow maps", "shadow maps", False)
     assert renderer.graph() == frame.graph
 
 
 def test_a_renderer_has_a_graph_before_its_first_frame(runtime: Runtime) -> None:
-    record = Renderer(runtime, (6, 8), ao=GtaoParams()).graph()
+    record = Renderer(runtime, (6, 8), FrameParams(ao=GtaoParams())).graph()
     assert {stage.state for stage in record.stages} == {"planned"}
     assert "planned" in record.to_json()
 
@@ -436,7 +438,7 @@ def test_a_new_stage_is_one_record(runtime: Runtime) -> None:
 
     coverage = Stage(name="coverage", reads=(GBUFFER,), writes=("coverage",), run=covered)
     built = BUILTIN_SCENES["cornell_box"]()
-    renderer = Renderer(runtime, (48, 64), shadow_size=32)
+    renderer = Renderer(runtime, (48, 64), FrameParams(bounces=0, ao=False, shadow_size=32))
     inner = renderer._graph
     graph = Graph(runtime, [coverage, *inner.stages], tuple(inner.resources.values()))
     camera = Camera.look_at(built.eye, built.target, yfov=built.yfov, width=64, height=48)

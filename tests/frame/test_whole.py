@@ -14,7 +14,7 @@ import ssgi_cl as gi
 from ssgi_cl.bench.cases.vpl_lobes import polished
 from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.frame.whole import PRESETS, cell_size, whole_params
+from ssgi_cl.frame.params import PRESETS, cell_size, whole_params
 from ssgi_cl.rasterize.rasterizer import Rasterizer
 from ssgi_cl.rasterize.scenes import make_scene
 from ssgi_cl.rasterize.view import device_scene
@@ -172,14 +172,14 @@ def test_bad_arguments_are_refused(given: tuple[Any, Any, Any], error: type[Exce
 
 
 def test_arguments_choose_the_whole_picture_or_a_technique() -> None:
-    assert whole_params(None, None, None) == PRESETS["high"]
+    assert whole_params(None, None, None) == PRESETS["high"]()
     assert whole_params(0, None, None) is None
     assert whole_params(None, None, "multires") is None
     assert whole_params(None, None, False) is None
     one = whole_params(1, "low", None)
     assert one is not None
     assert one.bounces == 1
-    assert one.vpls == PRESETS["low"].vpls
+    assert one.vpls == PRESETS["low"]().vpls
     assert cell_size(cube(0.5, 0.0)) == pytest.approx(2.0 / 122.0)
 
 

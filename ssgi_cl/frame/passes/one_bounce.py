@@ -1,4 +1,4 @@
-"""What computes one bounce of the light of punctual lights in a frame: one protocol for all."""
+"""Pass: one bounce of the light of punctual lights, by one protocol for all techniques."""
 
 from __future__ import annotations
 
@@ -13,14 +13,17 @@ from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.frame.params import OneBounceParams
+from ssgi_cl.frame.passes.build import Build
+from ssgi_cl.frame.passes.resources import CASTING, GBUFFER, INDIRECT, INDIRECT_PARAMS, LEVELS, RSM
+from ssgi_cl.frame.stage import Stage, Values
 from ssgi_cl.rasterize.device_scene import DeviceScene
-from ssgi_cl.techniques.indirect.multires_published import MultiresPublished, MultiresPublishedParams
-from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat, MultiresSplatParams
-from ssgi_cl.techniques.indirect.rsm_gather import RsmGather, RsmGatherParams
-from ssgi_cl.techniques.indirect.rsm_published import RsmPublished, RsmPublishedParams
-from ssgi_cl.techniques.indirect.vpl_splat import VplSplat, VplSplatParams
-
-OneBounceParams = MultiresSplatParams | MultiresPublishedParams | VplSplatParams | RsmGatherParams | RsmPublishedParams
+from ssgi_cl.rasterize.view import device_scene
+from ssgi_cl.techniques.indirect.multires_published import MultiresPublished
+from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat
+from ssgi_cl.techniques.indirect.rsm_gather import RsmGather
+from ssgi_cl.techniques.indirect.rsm_published import RsmPublished
+from ssgi_cl.techniques.indirect.vpl_splat import VplSplat
 
 
 class OneBounce(Protocol):
@@ -113,22 +116,34 @@ def _gather_published(runtime: Runtime, size: Size, params: Any, margin: Size) -
     return _Technique(gather, False, lambda seen, rsm, scene: gather.run(seen, rsm))
 
 
-_MAKERS: dict[type, Callable[[Runtime, Size, Any, Size], OneBounce]] = {
-    MultiresSplatParams: _multires,
-    MultiresPublishedParams: _multires_published,
-    VplSplatParams: _vpl,
-    RsmGatherParams: _gather,
-    RsmPublishedParams: _gather_published,
+_MAKERS: dict[str, Callable[[Runtime, Size, Any, Size], OneBounce]] = {
+    "MultiresSplatParams": _multires,
+    "MultiresPublishedParams": _multires_published,
+    "VplSplatParams": _vpl,
+    "RsmGatherParams": _gather,
+    "RsmPublishedParams": _gather_published,
 }
+"""Name of the parameters -> what prepares the technique."""
 
 
-def one_bounce(runtime: Runtime, size: Size, params: OneBounceParams, margin: Size) -> OneBounce:
-    """Return the technique that has such parameters, prepared.
+def one_bounce_pass(build: Build) -> list[Stage]:
+    """Return the pass of the light that surfaces reflect once, or none where it is not asked for."""
+    runtime, params = build.runtime, build.techniques[1]
+    if params is None:
+        return []
+    bounce = _MAKERS[type(params).__name__](runtime, build.size, params, build.margin)
 
-    Args:
-        runtime: the device.
-        size: (rows, columns) of the result.
-        params: of the technique, which say which it is.
-        margin: (rows, columns) by which the G-buffers exceed it on every side.
-    """
-    return _MAKERS[type(params)](runtime, size, params, margin)
+    def run(r: Values) -> tuple[Plane, Callable[[], NDArray[np.int32] | None]]:
+        bounce.params = r[INDIRECT_PARAMS]
+        scene = device_scene(r[CASTING], runtime) if bounce.blocked else None
+        return bounce.run(r[GBUFFER], r[RSM], scene=scene), bounce.levels
+
+    return [
+        Stage(
+            name="bounce",
+            reads=(GBUFFER, RSM, INDIRECT_PARAMS, *((CASTING,) if bounce.blocked else ())),
+            writes=(INDIRECT, LEVELS),
+            run=run,
+            label=bounce.name,
+        )
+    ]

@@ -1,0 +1,44 @@
+"""Pass: ambient occlusion by a technique of the catalogue."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ssgi_cl.core.lights import Environment, shines
+from ssgi_cl.device.arrays import Plane
+from ssgi_cl.frame.passes.build import Build
+from ssgi_cl.frame.passes.resources import AO, AO_PARAMS, GBUFFER, LIGHTS
+from ssgi_cl.frame.stage import Stage, Values
+from ssgi_cl.techniques.catalogue import TECHNIQUES
+
+
+def ambient_occlusion(build: Build) -> list[Stage]:
+    """Return the pass, or none where nothing dims ambient light."""
+    params = build.techniques[0]
+    if params is None:
+        return []
+    name = next(name for name, entry in TECHNIQUES.items() if type(params) is entry.params)
+    technique: Any = TECHNIQUES[name].technique(build.runtime, build.size, params, build.margin, build.params.layers)
+    dark = "dark" in build.params.skips and build.params.kind != "whole" and not build.params.dims_indirect
+
+    def condition(facts: Values) -> str | None:
+        if AO in facts["outputs"] or not dark:
+            return None
+        lit = any(isinstance(light, Environment) and shines(light) for light in facts[LIGHTS])
+        return None if lit else "no ambient light for it to dim"
+
+    def run(r: Values) -> Plane:
+        technique.params = r[AO_PARAMS]
+        found: Plane = technique.run(r[GBUFFER])
+        return found
+
+    return [
+        Stage(
+            name=name,
+            reads=(GBUFFER, AO_PARAMS),
+            writes=(AO,),
+            condition=condition,
+            run=run,
+            culled="no output that it changes",
+        )
+    ]

@@ -1,0 +1,61 @@
+"""Pass: the final gather of the light that surfaces reflect and emit."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ssgi_cl.frame.passes.build import Build
+from ssgi_cl.frame.passes.resources import (
+    CASTING,
+    DIRECT,
+    GBUFFER,
+    INDIRECT,
+    LIGHTS,
+    OCCUPANCY,
+    RSM,
+    SKY_LIGHT,
+    SURFELS,
+)
+from ssgi_cl.frame.stage import Stage, Values
+from ssgi_cl.rasterize.view import device_scene
+from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat, MultiresSplatParams
+from ssgi_cl.techniques.indirect.occupancy_grid import MOST_CELLS
+
+SURFEL_CAPACITY = 2
+"""Light sources that radiosity returns, at most, over the surfels asked for."""
+
+
+def gather(build: Build) -> Stage:
+    """Return the pass: of punctual lights once by virtual point lights of their maps, all else by
+    surfels."""
+    whole, runtime = build.params.whole_params(), build.runtime
+    splat = MultiresSplat(
+        runtime,
+        build.size,
+        MultiresSplatParams(
+            vpls=whole.vpls, visibility=True, grid=MOST_CELLS, error=whole.error, light_error=whole.error
+        ),
+        surfels=SURFEL_CAPACITY * whole.surfels,
+    )
+
+    def run(r: Values) -> Any:
+        maps, seen = r[RSM], r[GBUFFER]
+        irradiance = splat.run(
+            seen,
+            rsms=[] if maps is None else [maps],
+            scene=device_scene(r[CASTING], runtime),
+            surfels=r[SURFELS],
+            other_light=[plane for plane in (r[SKY_LIGHT], r[DIRECT]) if plane is not None],
+        )
+        if splat.rays is None and seen.mirrors:
+            splat.block(seen, r[CASTING])
+        return irradiance, (splat.occupancy, splat.rays)
+
+    return Stage(
+        name="bounce",
+        reads=(GBUFFER, CASTING, LIGHTS, SURFELS, SKY_LIGHT, DIRECT),
+        hints=(RSM,),
+        writes=(INDIRECT, OCCUPANCY),
+        run=run,
+        label=splat.name,
+    )

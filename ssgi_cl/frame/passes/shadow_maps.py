@@ -1,0 +1,43 @@
+"""Pass: maps of lights, and the reflective shadow map of all of them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ssgi_cl.core.lights import Environment
+from ssgi_cl.frame.passes.build import Build
+from ssgi_cl.frame.passes.resources import CASTING, GBUFFER, LIGHTS, RSM, SHADOWS
+from ssgi_cl.frame.stage import Stage, Values
+from ssgi_cl.techniques.shading.light_data import power
+from ssgi_cl.techniques.shading.light_maps import LightMaps
+from ssgi_cl.techniques.shading.seen_depths import SeenDepths
+
+
+def shadow_maps(build: Build) -> Stage:
+    """Return the pass; it draws what reflects light too where a later pass carries that on."""
+    params = build.params
+    reflects = params.kind in ("whole", "one bounce")
+    maps = LightMaps(
+        build.runtime,
+        params.shadow_size,
+        flux=reflects,
+        glossy=getattr(build.techniques[1], "glossy_vpls", 0) > 0,
+        rsm_size=params.rsm_size,
+    )
+    keep = "maps" in params.skips
+    # Maps are fitted to what is seen, but for SSDO, whose auxiliary cameras see more.
+    depths = None if build.ssdo else SeenDepths(build.runtime, build.size)
+
+    def run(r: Values) -> Any:
+        lit = any(not isinstance(light, Environment) and power(light).any() for light in r[LIGHTS])
+        seen = depths.find(r[GBUFFER]) if depths is not None and lit else None
+        shadows, rsm = maps.draw(r[CASTING], r[LIGHTS], keep=keep, seen=seen)
+        return (shadows, rsm) if reflects else shadows
+
+    return Stage(
+        name="shadow maps",
+        reads=(CASTING, LIGHTS, *((GBUFFER,) if depths is not None else ())),
+        writes=(SHADOWS, RSM) if reflects else (SHADOWS,),
+        run=run,
+        reuse="on demand",
+    )

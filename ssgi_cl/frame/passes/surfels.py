@@ -1,0 +1,25 @@
+"""Pass: radiosity, which carries light from surface to surface, seen or not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from ssgi_cl.frame.passes.build import Build
+from ssgi_cl.frame.passes.resources import CASTING, LIGHT_VOLUME, LIGHTS, RSM, SURFELS
+from ssgi_cl.frame.stage import Stage, Values
+from ssgi_cl.techniques.indirect.light_volume import LightVolume
+from ssgi_cl.techniques.indirect.radiosity import Radiosity, RadiosityParams
+from ssgi_cl.techniques.indirect.world_vpls import WorldVpls
+
+
+def surfels(build: Build) -> Stage:
+    """Return the pass. It depends on scene and lights alone: a moving camera does not run it again."""
+    whole = build.params.whole_params()
+    radiosity = Radiosity(build.runtime, RadiosityParams(surfels=whole.surfels, bounces=whole.bounces))
+
+    def run(r: Values) -> tuple[WorldVpls | None, Callable[[], LightVolume | None]]:
+        maps = r[RSM]
+        light = radiosity.run(r[CASTING], r[LIGHTS], rsms=[] if maps is None else [maps])
+        return light, lambda: radiosity.volume  # computed where a reflection asks for it
+
+    return Stage(name="radiosity", reads=(CASTING, LIGHTS), hints=(RSM,), writes=(SURFELS, LIGHT_VOLUME), run=run)

@@ -26,6 +26,7 @@ from ssgi_cl.frame.tile_classifier import OpenTileFinder, TiledOcclusion
 from ssgi_cl.rasterize.rasterizer import Rasterizer
 from ssgi_cl.rasterize.view import device_scene
 from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat
+from ssgi_cl.techniques.indirect.occupancy_grid import Occupancy
 from ssgi_cl.techniques.indirect.radiosity import Radiosity
 from ssgi_cl.techniques.indirect.ssdo import Ssdo
 from ssgi_cl.techniques.indirect.world_vpls import WorldVpls
@@ -46,6 +47,7 @@ GBUFFER, TILES, IDLE_LIGHTS = "G-buffer", "tile classes", "idle lights"
 AO, DIRECT, INDIRECT = "ambient occlusion", "direct irradiance", "indirect irradiance"
 SHADOWS, RSM = "shadow maps", "reflective shadow map"
 SCENE_LIGHT, SKY_LIGHT = "light of surfaces", "irradiance by environments"
+OCCUPANCY = "what blocks rays"
 RADIANCE, PIXELS, EXPOSURE, IMAGE = "radiance", "radiance on the host", "exposure", "image"
 
 RESOURCES = (
@@ -254,22 +256,25 @@ def final_gather_stage(splat: MultiresSplat, runtime: Runtime) -> Stage:
     """Return the stage of the light that surfaces reflect and emit: of punctual lights once by
     virtual point lights of their maps, all else by surfels."""
 
-    def run(r: Values) -> Plane:
-        maps = r.get(RSM)
+    def run(r: Values) -> tuple[Plane, Occupancy | None]:
+        maps, seen = r.get(RSM), r[GBUFFER]
         other = [r.get(name) for name in (SKY_LIGHT, DIRECT)]
-        return splat.run(
-            r[GBUFFER],
+        found = splat.gather(
+            seen,
             rsms=[] if maps is None else [maps],
             scene=device_scene(r[CASTING], runtime),
             surfels=r[SCENE_LIGHT],
             other_light=[plane for plane in other if plane is not None],
         )
+        if found.occupancy is None and seen.mirrors:
+            return found.irradiance, splat.block(seen, r[CASTING])
+        return found.irradiance, found.occupancy
 
     return Stage(
         name="bounce",
         reads=(GBUFFER, CASTING, LIGHTS, SCENE_LIGHT, SKY_LIGHT, DIRECT),
         hints=(RSM,),
-        writes=(INDIRECT,),
+        writes=(INDIRECT, OCCUPANCY),
         run=run,
         label=splat.name,
     )
@@ -357,7 +362,7 @@ def combine_stage(
 
     def combined(r: Values, *, ambient: bool) -> Plane:
         seen = r[GBUFFER]
-        light = None if lobes is None else lobes.needs(seen, r[CASTING])
+        light = None if lobes is None else lobes.needs(seen)
         radiance = shade.combine(
             seen,
             r[SKY],
@@ -372,14 +377,14 @@ def combine_stage(
             light=light,
         )
         if lobes is not None and light is not None:
-            lobes.run(seen, radiance, light, r[LIGHTS], r[SHADOWS])
+            lobes.run(seen, radiance, light, r[LIGHTS], r[SHADOWS], r[OCCUPANCY])
         return radiance
 
     def shaded(r: Values, layer: DeviceGBuffer) -> Plane:
-        values = {**r, GBUFFER: layer, **dict.fromkeys((AO, DIRECT, INDIRECT, SKY_LIGHT))}
+        values = {**r, GBUFFER: layer, **dict.fromkeys((AO, DIRECT, INDIRECT, SKY_LIGHT, OCCUPANCY))}
         for stage in layer_stages:
-            (name,) = stage.writes
-            values[name] = stage.run(values)
+            results = stage.run(values)
+            values.update(zip(stage.writes, results if len(stage.writes) > 1 else (results,), strict=True))
         return combined(values, ambient=layer_ambient)
 
     def run(r: Values) -> Plane:
@@ -390,12 +395,12 @@ def combine_stage(
             r[GBUFFER],
             radiance,
             lambda layer: shaded(r, layer),
-            overwritten=[r.get(name) for name in sorted(made)],
+            overwritten=[r.get(name) for name in sorted(made - {OCCUPANCY})],
         )
         return radiance
 
     of_layers = {name for stage in layer_stages for name in stage.reads} - made - {GBUFFER}
-    also = () if lobes is None else (CASTING, LIGHTS, SHADOWS, SCENE_LIGHT)
+    also = () if lobes is None else (LIGHTS, SHADOWS, SCENE_LIGHT, OCCUPANCY)
     names = dict.fromkeys((GBUFFER, SCENE, CAMERA, SKY, MULTI_BOUNCE, *reads, *also, *sorted(of_layers)))
     hints = {name for stage in layer_stages for name in stage.hints} - set(names)
     return Stage(name="combine", reads=tuple(names), hints=tuple(sorted(hints)), writes=(RADIANCE,), run=run)

@@ -64,7 +64,7 @@ class WholeParams:
         )
         sky = SampledLights(runtime, size, SampledLightsParams(directions=self.directions, map_size=self.map_size))
         stages = [radiosity_stage(radiosity), sky_light_stage(sky), final_gather_stage(splat, runtime)]
-        return stages, Lobes(runtime, size, splat, radiosity)
+        return stages, Lobes(runtime, size, radiosity)
 
 
 PRESETS = {

@@ -20,7 +20,7 @@ from ssgi_cl.reference.occupancy_grid import OccupancyGridReference, voxelized
 from ssgi_cl.reference.vpl_splat import receivers
 from ssgi_cl.techniques.indirect.air import Air
 from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat, MultiresSplatParams
-from ssgi_cl.techniques.indirect.occupancy_grid import OccupancyGrid
+from ssgi_cl.techniques.indirect.occupancy_grid import Occupancy, OccupancyGrid
 from ssgi_cl.techniques.indirect.vpl_splat import VplSplat, VplSplatParams, vpl_splat
 
 from ..closed_forms import Quad, quads
@@ -49,10 +49,8 @@ def punctual_lights(at: tuple[float, float, float], normal: tuple[float, float, 
     )
 
 
-def held_by(technique: MultiresSplat | VplSplat) -> NDArray[np.bool_]:
-    """Return [z, y, x] which cells of a technique's grid are occupied."""
-    walls = technique.occupancy
-    assert walls is not None
+def held_by(walls: Occupancy) -> NDArray[np.bool_]:
+    """Return [z, y, x] which cells of a grid are occupied."""
     n = walls.cells // 4
     words = walls.grid.download()[: walls.cells**3 // 32].view(np.uint32)
     bits = (words[:, None] >> np.arange(32, dtype=np.uint32)) & 1
@@ -88,6 +86,10 @@ def lit(
             ),
         )
     solid = None if scene is None else device_scene(scene, runtime)
+    if kind == "multires":
+        found = technique.gather(device, vpls, scene=solid)
+        technique.filled = found.occupancy
+        return found.irradiance.download()[0].astype(np.float64), technique
     return technique.run(device, vpls, scene=solid).download()[0].astype(np.float64), technique
 
 
@@ -123,8 +125,8 @@ def test_kernel_occupies_the_cells_of_the_reference(
     gbuffer = drawn(scene, camera, runtime=variant_runtime)
     vpls = punctual_lights((shift, 1.0 + shift, shift), (0, -1, 0))
     _, technique = lit(variant_runtime, "multires", gbuffer, vpls, scene)
-    held = held_by(technique)
-    box = technique.occupancy.box.download().astype(np.float64)
+    held = held_by(technique.filled)
+    box = technique.filled.box.download().astype(np.float64)
     unit = technique._lights.unit
     view = camera.view
     corners = (scene.positions.astype(np.float64) + scene.origin) @ view[:3, :3].T + view[:3, 3]

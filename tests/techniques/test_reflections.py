@@ -21,7 +21,6 @@ from ssgi_cl.reference.reflections import Screen, added_reference, arriving_refe
 from ssgi_cl.reference.shade import world_surface
 from ssgi_cl.techniques.indirect.light_volume import CELLS, FACES, LightVolume
 from ssgi_cl.techniques.indirect.occupancy_grid import OccupancyGrid
-from ssgi_cl.techniques.indirect.packed_vpls import VPL
 from ssgi_cl.techniques.indirect.reflections import RAYS, STEPS, THICK_CELLS, Reflections
 
 from .analytic import Ball, Plane, camera, trace
@@ -77,11 +76,9 @@ def added(
     planes = [runtime.plane(3, device.size) for _ in range(2)]
     for plane, values in zip(planes, (radiance, light), strict=True):
         plane.upload(np.moveaxis(values, -1, 0).astype(np.float32))
-    occupancy = OccupancyGrid(runtime, CUBE, device.size)
     with runtime.frame():
-        occupancy.fill_scene(DeviceScene(runtime, blocks), gbuffer.camera.view, HALF, HALF)
-        rays = VPL.pack(
-            {**dict.fromkeys((name for name, _ in VPL.members), 0), "per_unit": 1.0 / HALF, "lift": occupancy.lift}
+        occupancy = OccupancyGrid(runtime, CUBE, device.size).fill_scene(
+            DeviceScene(runtime, blocks), gbuffer.camera.view, HALF, HALF
         )
         Reflections(runtime, device.size).run(
             device,
@@ -90,7 +87,6 @@ def added(
             lights=[environment],
             shadows=[None],
             occupancy=occupancy,
-            rays=rays,
             volume=volume or even(0.0),
         )
         after = planes[0].download()

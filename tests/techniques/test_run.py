@@ -32,11 +32,11 @@ from ssgi_cl.techniques.technique import FIRST
 OTHER_FIRST = {"Radiosity": "scene", "Tonemap": "radiance"}
 """Classes whose first argument isn't the G-buffer."""
 NEEDED = {
-    "Reflections": {"light", "lights", "shadows", "occupancy", "rays", "volume"},
+    "Reflections": {"light", "lights", "shadows", "occupancy", "volume"},
     "SampledLights": {"scene"},
     "Upsample": {"reduced"},
     "UpsampleBlur": {"reduced"},
-    "ViewImportance": {"occupancy", "packed"},
+    "ViewImportance": {"occupancy"},
 }
 """Arguments that are given by name and have no default."""
 RESULTS = {Plane, SsdoPlanes, WorldVpls, DeviceArray, NoneType}

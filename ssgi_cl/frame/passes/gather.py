@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
-
+from ssgi_cl.device.arrays import Plane
 from ssgi_cl.frame.passes.build import Build
 from ssgi_cl.frame.passes.resources import (
     CASTING,
@@ -19,7 +18,7 @@ from ssgi_cl.frame.passes.resources import (
 from ssgi_cl.frame.stage import Stage, Values
 from ssgi_cl.rasterize.view import device_scene
 from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat, MultiresSplatParams
-from ssgi_cl.techniques.indirect.occupancy_grid import MOST_CELLS
+from ssgi_cl.techniques.indirect.occupancy_grid import MOST_CELLS, Occupancy
 
 SURFEL_CAPACITY = 2
 """Light sources that radiosity returns, at most, over the surfels asked for."""
@@ -38,18 +37,18 @@ def gather(build: Build) -> Stage:
         surfels=SURFEL_CAPACITY * whole.surfels,
     )
 
-    def run(r: Values) -> Any:
+    def run(r: Values) -> tuple[Plane, Occupancy | None]:
         maps, seen = r[RSM], r[GBUFFER]
-        irradiance = splat.run(
+        found = splat.gather(
             seen,
             rsms=[] if maps is None else [maps],
             scene=device_scene(r[CASTING], runtime),
             surfels=r[SURFELS],
             other_light=[plane for plane in (r[SKY_LIGHT], r[DIRECT]) if plane is not None],
         )
-        if splat.rays is None and seen.mirrors:
-            splat.block(seen, r[CASTING])
-        return irradiance, (splat.occupancy, splat.rays)
+        if found.occupancy is None and seen.mirrors:
+            return found.irradiance, splat.block(seen, r[CASTING])
+        return found.irradiance, found.occupancy
 
     return Stage(
         name="bounce",

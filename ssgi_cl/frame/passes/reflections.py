@@ -21,15 +21,13 @@ def reflections(build: Build) -> Stage:
             return radiance
         if not made:
             made.append(Reflections(runtime, build.size))
-        occupancy, rays = r[OCCUPANCY]
         made[0].run(
             r[GBUFFER],
             radiance,
             light=r[LOBE_LIGHT],
             lights=r[LIGHTS],
             shadows=r[SHADOWS],
-            occupancy=occupancy,
-            rays=rays,
+            occupancy=r[OCCUPANCY],
             volume=r[LIGHT_VOLUME](),
         )
         return radiance

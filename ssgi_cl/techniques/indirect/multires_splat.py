@@ -25,7 +25,7 @@ from ssgi_cl.rasterize.view import device_scene
 from ssgi_cl.techniques.indirect.methods import Method, chosen_params
 from ssgi_cl.techniques.indirect.multires_grid import MultiresGrid, MultiresGridParams, Source
 from ssgi_cl.techniques.indirect.multires_published import MultiresPublished, MultiresPublishedParams
-from ssgi_cl.techniques.indirect.occupancy_grid import OccupancyGrid, check_grid, grid_param
+from ssgi_cl.techniques.indirect.occupancy_grid import Occupancy, OccupancyGrid, check_grid, grid_param
 from ssgi_cl.techniques.indirect.packed_vpls import VPL, DeviceVpls, VplChooser
 from ssgi_cl.techniques.indirect.view_importance import ViewImportance
 from ssgi_cl.techniques.indirect.vpl_light import (
@@ -113,6 +113,19 @@ class MultiresSplatKeywords(TypedDict, total=False):
     normal_threshold: float
 
 
+@dataclass(frozen=True, eq=False)
+class Gathered:
+    """What `MultiresSplat.gather` returns.
+
+    Attributes:
+        irradiance: 3 images, W/m^2, in memory that the next run writes to.
+        occupancy: what blocked light; None without `visibility`, and where nothing shone.
+    """
+
+    irradiance: Plane
+    occupancy: Occupancy | None
+
+
 class MultiresSplat(Prepared[MultiresSplatParams]):
     """Multiresolution splatting, prepared for images of one size.
 
@@ -127,9 +140,6 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
 
     Attributes:
         grid: which pixels were computed; see `MultiresGrid`.
-        occupancy: what blocks light, with `visibility`.
-        rays: the struct `VPL` of rays through it, of the camera of the latest run; None where
-            nothing shone.
         tree: what stood for the lights.
     """
 
@@ -146,12 +156,12 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
         most = -(-params.vpls // 16) * 16 + surfels if surfels else params.vpls
         self._lights = DeviceVpls(runtime, most, parts=params.refine > 0.0)
         self._chooser = VplChooser(runtime, (self._lights,), params.vpls)
-        self.rays: Any = None
-        self.occupancy = OccupancyGrid(runtime, params.grid, size) if params.visibility else None
+        # Of what is seen through and of what is behind it there is one each at the same time.
+        self._occupancy = OccupancyGrid(runtime, params.grid, size, kept=False) if params.visibility else None
         tiles = (-(-size[0] // TILE), -(-size[1] // TILE))
         self._boxes = runtime.empty(tiles[0] * tiles[1] * BOX, np.float32)
         self.tree = VplTree(
-            runtime, self._lights, NEARS.index(params.near), int(params.cutoff > 0.0), self.occupancy, params.share
+            runtime, self._lights, NEARS.index(params.near), int(params.cutoff > 0.0), self._occupancy, params.share
         )
         self.tree.reserve(size[0] * size[1])
         self._importance = ViewImportance(runtime)
@@ -171,7 +181,20 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
         surfels: WorldVpls | None = None,
         other_light: Sequence[Plane] = (),
     ) -> Plane:
-        """Queue the passes; return the plane of irradiance, 3 images in W/m^2.
+        """Queue the passes; return the plane of irradiance, see `gather`."""
+        return self.gather(gbuffer, vpls, rsms=rsms, scene=scene, surfels=surfels, other_light=other_light).irradiance
+
+    def gather(
+        self,
+        gbuffer: DeviceGBuffer,
+        vpls: Vpls | None = None,
+        *,
+        rsms: Sequence[DeviceRsm] = (),
+        scene: DeviceScene | None = None,
+        surfels: WorldVpls | None = None,
+        other_light: Sequence[Plane] = (),
+    ) -> Gathered:
+        """Queue the passes; return irradiance, and what blocked light.
 
         Args:
             gbuffer: what the camera sees; with `visibility`, all its layers and its margin block
@@ -190,8 +213,7 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
         """
         camera = camera_of(gbuffer, self.size)
         if not (rsms if vpls is None else vpls) and surfels is None:
-            self.rays = None
-            return self._no_light.skipped()
+            return Gathered(self._no_light.skipped(), None)
         params, tree = self.params, self.tree
         levels = self.grid.levels(gbuffer, tree.limits)
         coarsest = next(levels)  # the device has work while the host packs the lights
@@ -202,40 +224,39 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
             curve = self._chooser.place(rsms, camera, kinds=1, more=surfels)
         else:
             self._lights.place(None, camera, more=surfels)
-        if self.occupancy is not None:
-            self.rays = packed = self._block(
-                gbuffer, self.grid.half(gbuffer), rsms, self.occupancy, scene, self._lights
-            )
+        occupancy = None
+        if self._occupancy is not None:
+            occupancy = self._block(gbuffer, self.grid.half(gbuffer), rsms, self._occupancy, scene, self._lights)
             if curve is not None and params.importance:
-                importance = self._importance.run(gbuffer, curve, occupancy=self.occupancy, packed=packed)
+                importance = self._importance.run(gbuffer, curve, occupancy=occupancy)
                 self._chooser.place(rsms, camera, kinds=1, importance=importance, more=surfels)
         tree.update()
         values = {"cutoff": params.scaled_cutoff(self._lights.unit), "refine": params.refine}
         tree.measure(coarsest.source, coarsest.list, values, params.error, params.light_error, other_light)
         for level in chain([coarsest], levels):
-            tree.shine(level.source, level.list, level.most, level.fractions, level.values, values)
-        return self.grid.result
+            tree.shine(level.source, level.list, level.most, level.fractions, level.values, values, occupancy)
+        return Gathered(self.grid.result, occupancy)
 
-    def block(self, gbuffer: DeviceGBuffer, scene: Scene) -> None:
-        """Queue the passes that fill `occupancy` and `rays` where nothing shone, for other rays."""
-        assert self.occupancy is not None  # noqa: S101  of an object with `visibility`
+    def block(self, gbuffer: DeviceGBuffer, scene: Scene) -> Occupancy:
+        """Queue the passes that find what blocks rays where nothing shone, for other rays."""
+        assert self._occupancy is not None  # noqa: S101  of an object with `visibility`
         corners = np.array([[scene.bounds[i >> k & 1, k] for k in range(3)] for i in range(8)])
         dark = Vpls(corners, np.tile([0.0, 0.0, 1.0], (8, 1)), np.zeros((8, 3)), np.ones(8))
         lights = DeviceVpls(self.runtime, 16)
         lights.upload(dark, camera_of(gbuffer, self.size))
         solid = device_scene(scene, self.runtime)
-        self.rays = self._block(gbuffer, gbuffer, (), self.occupancy, solid, lights)
+        return self._block(gbuffer, gbuffer, (), self._occupancy, solid, lights)
 
     def _block(
         self,
         gbuffer: DeviceGBuffer,
         seen: Source,
         rsms: Sequence[DeviceRsm],
-        occupancy: OccupancyGrid,
+        grid: OccupancyGrid,
         scene: DeviceScene | None,
         lights: DeviceVpls,
-    ) -> Any:
-        """Queue the passes that mark what blocks light; return the struct for rays through it.
+    ) -> Occupancy:
+        """Queue the passes that mark what blocks light.
 
         The grid spans the lights and what is `seen`: some pixels of the G-buffer, or all.
         """
@@ -244,9 +265,7 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
             **lights.values,
             "margin_columns": seen.margin[1],
             "margin_rows": seen.margin[0],
-            "count": lights.segments,
         }
-        packed = VPL.pack(values)
         tiles = (-(-seen.size[0] // TILE), -(-seen.size[1] // TILE))
         self.runtime.kernel("vpl/vpl_boxes.cl", structs=(CAMERA, VPL)).run(
             "vpl boxes",
@@ -256,12 +275,9 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
             normal=seen.normal,
             boxes=self._boxes,
             camera=seen.camera_struct,
-            params=packed,
+            params=VPL.pack(values),
         )
-        occupancy.fill(gbuffer, rsms, self._boxes, lights, seen.size, packed, scene)
-        return VPL.pack(
-            {**values, "lift": occupancy.lift, "margin_columns": gbuffer.margin[1], "margin_rows": gbuffer.margin[0]}
-        )
+        return grid.fill(gbuffer, rsms, self._boxes, lights, seen.size, values, scene)
 
     def __call__(
         self, gbuffer: GBuffer | DeviceGBuffer, vpls: Vpls, out: NDArray[np.float32] | None = None

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -60,6 +61,29 @@ def cells_for(size: Size) -> int:
     return max(fitting, default=GRIDS[0])
 
 
+@dataclass(frozen=True, eq=False)
+class Occupancy:
+    """What blocks rays in the view space of one G-buffer.
+
+    Attributes:
+        grid, box: see kernels/vpl/grid.clh.
+        cells: along a side.
+        lift: cells above their surfaces at which rays begin and end.
+        rays: the struct `VPL` of rays through it.
+    """
+
+    grid: DeviceArray
+    box: DeviceArray
+    cells: int
+    lift: float
+    rays: Any
+
+    @property
+    def macros(self) -> dict[str, int]:
+        """Of kernels that include kernels/vpl/grid.clh."""
+        return {"VPL_GRID": self.cells}
+
+
 class OccupancyGrid:
     """A bit for each of cells^3 cubes of view space: whether a surface is in it.
 
@@ -74,19 +98,15 @@ class OccupancyGrid:
         runtime: the device.
         cells: along a side: 32, 64, 128 or 256; 0: as `cells_for` says.
         size: (rows, columns) of the image.
-
-    Attributes:
-        grid, box: see kernels/vpl/grid.clh.
-        macros: of kernels that include it.
+        kept: whether what is filled is in memory of its own, the same each time; else it lives as
+            long as somebody refers to it.
     """
 
-    def __init__(self, runtime: Runtime, cells: int, size: Size) -> None:
+    def __init__(self, runtime: Runtime, cells: int, size: Size, *, kept: bool = True) -> None:
         self.runtime = runtime
         self.cells = cells = cells or cells_for(size)
         self.macros = {"VPL_GRID": cells}
-        self.grid = runtime.empty(cells**3 // 16, np.int32)
-        self.box = runtime.empty(4, np.float32)
-        self.lift = LIFT
+        self._own = self._empty(runtime.empty) if kept else None
         self._whole: DeviceArray | None = None
         self._clear = runtime.kernel("vpl/vpl_grid.cl", self.macros, (CAMERA, VPL))
 
@@ -97,9 +117,9 @@ class OccupancyGrid:
         boxes: DeviceArray,
         lights: DeviceVpls,
         size: Size,
-        packed: Any,
+        values: dict[str, float],
         scene: DeviceScene | None = None,
-    ) -> None:
+    ) -> Occupancy:
         """Queue what marks the surfaces of all layers and of the reflective shadow maps.
 
         Args:
@@ -108,29 +128,31 @@ class OccupancyGrid:
             boxes: bounds of the image's tiles; see kernels/vpl/vpl_boxes.cl.
             lights: the grid spans them too.
             size: (rows, columns) of the image.
-            packed: the struct `VPL`, whose `count` is that of the lights' segments.
+            values: members of the struct `VPL`, those of the lights among them.
             scene: whose triangles are marked in place of what is seen.
         """
         camera = gbuffer.camera
         assert camera is not None  # noqa: S101  a filled G-buffer has one
+        grid, box = self._own or self._empty(self.runtime.transient.array)
+        packed = VPL.pack({**values, "count": lights.segments})
         self._clear.run(
             "vpl grid",
             size,
             grid=(self.cells, self.cells),
             boxes=boxes,
             bounds=lights.bounds,
-            occupancy=self.grid,
-            grid_box=self.box,
+            occupancy=grid,
+            grid_box=box,
             params=packed,
         )
         if scene is not None:
-            self._voxelize(scene, camera.view, lights.values["per_unit"])
+            self._voxelize(scene, camera.view, lights.values["per_unit"], grid, box)
         else:
-            self._mark_seen(gbuffer, rsms, camera, packed)
-        self.lift = LIFT if scene is None else MESH_LIFT
-        self._measure_distances()
+            self._mark_seen(gbuffer, rsms, camera, packed, grid, box)
+        margin = {"margin_columns": gbuffer.margin[1], "margin_rows": gbuffer.margin[0]}
+        return self._filled(grid, box, LIFT if scene is None else MESH_LIFT, {**values, **margin})
 
-    def fill_scene(self, scene: DeviceScene, view: NDArray[np.float64], unit: float, half: float) -> None:
+    def fill_scene(self, scene: DeviceScene, view: NDArray[np.float64], unit: float, half: float) -> Occupancy:
         """Queue what marks the triangles of a scene in a grid round the origin of a space.
 
         Args:
@@ -139,26 +161,29 @@ class OccupancyGrid:
             unit: scene units; kernels count in such lengths.
             half: scene units.
         """
-        box = np.zeros(VPL_BOX, np.float32)
-        box[:3], box[3:6] = -half / unit, half / unit
-        self._whole = self.runtime.array(box)
-        packed = VPL.pack(dict.fromkeys((name for name, _ in VPL.members), 0))
+        bounds = np.zeros(VPL_BOX, np.float32)
+        bounds[:3], bounds[3:6] = -half / unit, half / unit
+        self._whole = self.runtime.array(bounds)
+        grid, box = self._own or self._empty(self.runtime.transient.array)
+        none = dict.fromkeys((name for name, _ in VPL.members), 0)
         self._clear.run(
             "vpl grid",
             (1, 1),
             grid=(self.cells, self.cells),
             boxes=self._whole,
             bounds=self._whole,
-            occupancy=self.grid,
-            grid_box=self.box,
-            params=packed,
+            occupancy=grid,
+            grid_box=box,
+            params=VPL.pack(none),
         )
-        self._voxelize(scene, view, 1.0 / unit)
-        self.lift = MESH_LIFT
-        self._measure_distances()
+        self._voxelize(scene, view, 1.0 / unit, grid, box)
+        return self._filled(grid, box, MESH_LIFT, {**none, "per_unit": 1.0 / unit})
 
-    def _measure_distances(self) -> None:
-        """Queue the passes that find each block's nearest occupied one."""
+    def _empty(self, array: Callable[[int, type[np.generic]], DeviceArray]) -> tuple[DeviceArray, DeviceArray]:
+        return array(self.cells**3 // 16, np.int32), array(4, np.float32)
+
+    def _filled(self, grid: DeviceArray, box: DeviceArray, lift: float, values: dict[str, float]) -> Occupancy:
+        """Queue the passes that find each block's nearest occupied one; return all that rays need."""
         blocks = self.cells // BLOCK
         reach = self.runtime.kernel("vpl/vpl_reach.cl", self.macros, (CAMERA, VPL))
         for axis in range(3):
@@ -166,10 +191,13 @@ class OccupancyGrid:
                 "vpl reach",
                 (axis, blocks**axis),
                 grid=(1, -(-(blocks**3) // self.runtime.variant.lanes)),
-                occupancy=self.grid,
+                occupancy=grid,
             )
+        return Occupancy(grid, box, self.cells, lift, VPL.pack({**values, "lift": lift}))
 
-    def _voxelize(self, scene: DeviceScene, view: NDArray[np.float64], per_unit: float) -> None:
+    def _voxelize(
+        self, scene: DeviceScene, view: NDArray[np.float64], per_unit: float, grid: DeviceArray, box: DeviceArray
+    ) -> None:
         """Queue the pass that marks the triangles of a scene."""
         # In float64: origin and camera may be far from the world's and near each other.
         turn, shift = view[:3, :3], view[:3, 3]
@@ -188,12 +216,20 @@ class OccupancyGrid:
             textures=scene.textures,
             texels=scene.texels,
             decode=scene.decode,
-            grid_box=self.box,
-            occupancy=self.grid,
+            grid_box=box,
+            occupancy=grid,
             turn=packed_turn(from_scene),
         )
 
-    def _mark_seen(self, gbuffer: DeviceGBuffer, rsms: Sequence[DeviceRsm], camera: Camera, packed: Any) -> None:
+    def _mark_seen(
+        self,
+        gbuffer: DeviceGBuffer,
+        rsms: Sequence[DeviceRsm],
+        camera: Camera,
+        packed: Any,
+        grid: DeviceArray,
+        box: DeviceArray,
+    ) -> None:
         """Queue the passes that mark what the camera and the lights see."""
         sources = [(gbuffer.depth, gbuffer.normal, gbuffer.layers, gbuffer.whole, np.eye(3, 4))]
         sources += [(rsm.position, rsm.normal, 0, rsm.size, rsm.to_view(camera)) for rsm in rsms]
@@ -206,8 +242,8 @@ class OccupancyGrid:
                 whole,
                 points=points,
                 normal=normal,
-                grid_box=self.box,
-                occupancy=self.grid,
+                grid_box=box,
+                occupancy=grid,
                 camera=gbuffer.camera_struct,
                 params=packed,
                 turn=packed_turn(turn),

@@ -14,7 +14,7 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, floats, rotation_values
 from ssgi_cl.device.transient import Target
 from ssgi_cl.techniques.indirect.light_volume import CELLS, FACES, LightVolume
-from ssgi_cl.techniques.indirect.occupancy_grid import OccupancyGrid
+from ssgi_cl.techniques.indirect.occupancy_grid import Occupancy
 from ssgi_cl.techniques.indirect.packed_vpls import VPL
 from ssgi_cl.techniques.shading.light_data import BRIGHTEST, PunctualLights, ShadowMap
 from ssgi_cl.techniques.shading.sky_levels import SkyLevels
@@ -66,8 +66,7 @@ class Reflections:
         light: Plane,
         lights: Sequence[Light],
         shadows: Sequence[ShadowMap | None],
-        occupancy: OccupancyGrid,
-        rays: Any,
+        occupancy: Occupancy,
         volume: LightVolume,
     ) -> None:
         """Queue the passes that add what lobes reflect to the plane of radiance.
@@ -79,11 +78,10 @@ class Reflections:
             lights: any; environments without suns.
             shadows: an entry for each light, see `PunctualLights`.
             occupancy: what blocks rays that leave the image, in the camera's view space.
-            rays: the struct `VPL` of rays through it.
             volume: what surfaces of the scene send.
         """
         # Before the lights' highlights are added, which rays would find once in a thousand pixels.
-        self._trace(gbuffer, radiance, light, lights, occupancy, rays, volume)
+        self._trace(gbuffer, radiance, light, lights, occupancy, volume)
         self._lights.add_lobes(radiance, gbuffer, lights, shadows=shadows)
 
     def _trace(
@@ -92,8 +90,7 @@ class Reflections:
         radiance: Plane,
         light: Plane,
         lights: Sequence[Light],
-        occupancy: OccupancyGrid,
-        rays: Any,
+        occupancy: Occupancy,
         volume: LightVolume,
     ) -> None:
         camera = gbuffer.camera
@@ -111,7 +108,7 @@ class Reflections:
                 "cell_x": x,
                 "cell_y": y,
                 "cell_z": z,
-                "per_cell": 1.0 / (float(rays["per_unit"]) * volume.side),
+                "per_cell": 1.0 / (float(occupancy.rays["per_unit"]) * volume.side),
                 **rotation_values(camera.view[:3, :3].T),
                 "reach": reach,
                 "thick": THICK_CELLS * reach / occupancy.cells,
@@ -144,7 +141,7 @@ class Reflections:
                 grid_box=occupancy.box,
                 reflected=reflected,
                 camera=gbuffer.camera_struct,
-                rays=rays,
+                rays=occupancy.rays,
                 params=params,
             )
             mean = self.runtime.transient.plane(3, self.size)

@@ -68,8 +68,8 @@ class DeviceSurfels:
 
     def __init__(self, runtime: Runtime, cells: int) -> None:
         self.runtime = runtime
-        self._occupancy = OccupancyGrid(runtime, cells, (1, 1))
-        macros, structs = self._occupancy.macros, (CAMERA, VPL)
+        self._grid = OccupancyGrid(runtime, cells, (1, 1))
+        macros, structs = self._grid.macros, (CAMERA, VPL)
         self._start = runtime.kernel("radiosity/radiosity_start.cl", macros, (*structs, START))
         self._see = runtime.kernel("radiosity/radiosity_visibility.cl", macros, structs)
         self._mirror = runtime.kernel("radiosity/radiosity_mirror.cl")
@@ -86,8 +86,8 @@ class DeviceSurfels:
         self.unit = 2.0 ** round(math.log2(half))
         self.camera = Camera.look_at(middle, middle - [0.0, 0.0, half], width=1, height=1)
         self._shift = np.asarray(scene.origin) - middle
-        solid, occupancy = device_scene(scene, self.runtime), self._occupancy
-        occupancy.fill_scene(solid, self.camera.view, self.unit, half)
+        solid = device_scene(scene, self.runtime)
+        self._occupancy = occupancy = self._grid.fill_scene(solid, self.camera.view, self.unit, half)
         self._near = StartTriangles.of(self.runtime, scene, solid)
         self._shares = TriangleShares.of(scene)
         self._air = Air.of(occupancy.grid.download(), occupancy.cells)

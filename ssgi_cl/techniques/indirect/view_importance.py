@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from ssgi_cl.device.arrays import DeviceArray
@@ -12,7 +10,7 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA
 from ssgi_cl.techniques.indirect.flux_curve import CURVE, FluxCurve
-from ssgi_cl.techniques.indirect.occupancy_grid import TURN, OccupancyGrid, packed_turn
+from ssgi_cl.techniques.indirect.occupancy_grid import TURN, Occupancy, packed_turn
 from ssgi_cl.techniques.indirect.packed_vpls import VPL
 
 SUMS = VPL_MEANS
@@ -33,14 +31,13 @@ class ViewImportance:
         self.runtime = runtime
         self._importance: DeviceArray | None = None
 
-    def run(self, gbuffer: DeviceGBuffer, curve: FluxCurve, *, occupancy: OccupancyGrid, packed: Any) -> DeviceArray:
+    def run(self, gbuffer: DeviceGBuffer, curve: FluxCurve, *, occupancy: Occupancy) -> DeviceArray:
         """Queue the passes; return the importance of all runs, see kernels/vpl/curve.clh.
 
         Args:
             gbuffer: what the camera sees.
             curve: the latest sums along the maps.
-            occupancy: what blocks light, filled.
-            packed: the struct `VPL` with the grid's lift.
+            occupancy: what blocks light.
         """
         runtime, camera, runs = self.runtime, gbuffer.camera, curve.run_count
         assert camera is not None  # noqa: S101  a filled G-buffer has one
@@ -63,7 +60,7 @@ class ViewImportance:
                 grid_box=occupancy.box,
                 importance=self._importance,
                 camera=gbuffer.camera_struct,
-                vpl=packed,
+                vpl=occupancy.rays,
                 params=table,
                 turn=packed_turn(rsm.to_view(camera)),
                 columns=gbuffer.size[1],

@@ -24,7 +24,7 @@ from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA
 from ssgi_cl.rasterize.device_scene import DeviceScene
 from ssgi_cl.techniques.filters.bilateral import Bilateral, BilateralParams
-from ssgi_cl.techniques.indirect.occupancy_grid import OccupancyGrid, check_grid, grid_param
+from ssgi_cl.techniques.indirect.occupancy_grid import Occupancy, OccupancyGrid, check_grid, grid_param
 from ssgi_cl.techniques.indirect.packed_vpls import CAPACITY, NEAR_CAPACITY, VPL, DeviceVpls, VplChooser
 from ssgi_cl.techniques.indirect.view_importance import ViewImportance
 from ssgi_cl.techniques.indirect.vpl_light import (
@@ -139,7 +139,7 @@ class VplSplat(Prepared[VplSplatParams]):
         parted = params.interleave and params.parted
         self._near = runtime.empty(tiles * NEAR_CAPACITY if parted else 1, np.int32)
         self._near_counts = runtime.empty(tiles, np.int32)
-        self.occupancy = OccupancyGrid(runtime, params.grid, size) if params.visibility else None
+        self._grid = OccupancyGrid(runtime, params.grid, size) if params.visibility else None
         self._importance = ViewImportance(runtime)
         self._blur: Bilateral | None = None
         if params.interleave:
@@ -173,12 +173,13 @@ class VplSplat(Prepared[VplSplatParams]):
         """
         cut = self.params.cutoff > 0.0
         values = self._begin(gbuffer, vpls, rsms, coarse=self.params.restore and cut)
-        if self.occupancy is not None:
-            packed = VPL.pack({**values, **self._lights.values, "segment": 0, "count": self._lights.segments})
-            self.occupancy.fill(gbuffer, rsms, self._boxes, self._lights, self.size, packed, scene)
-            values["lift"] = self.occupancy.lift
+        self._occupancy = None
+        if self._grid is not None:
+            own = {**values, **self._lights.values, "segment": 0, "count": 0}
+            self._occupancy = self._grid.fill(gbuffer, rsms, self._boxes, self._lights, self.size, own, scene)
+            values["lift"] = self._occupancy.lift
             if vpls is None and self.params.importance:
-                self._choose_by_importance(gbuffer, rsms, self.occupancy, values)
+                self._choose_by_importance(gbuffer, rsms, self._occupancy)
         self._shine(gbuffer, self._lights, values, KEPT if cut else ALL)
         if self.params.restore and cut:
             self._shine(gbuffer, self._coarse, values, LOST, add=True)
@@ -188,15 +189,12 @@ class VplSplat(Prepared[VplSplatParams]):
             return self._irradiance
         return self._blur.run(gbuffer, self._irradiance)
 
-    def _choose_by_importance(
-        self, gbuffer: DeviceGBuffer, rsms: Sequence[DeviceRsm], occupancy: OccupancyGrid, values: dict[str, float]
-    ) -> None:
+    def _choose_by_importance(self, gbuffer: DeviceGBuffer, rsms: Sequence[DeviceRsm], occupancy: Occupancy) -> None:
         """Queue the passes that choose the lights anew, by what they send to the image."""
         assert gbuffer.camera is not None  # noqa: S101  _begin saw to it
-        packed = VPL.pack({**values, **self._lights.values, "segment": 0, "count": 0})
         kinds = 2 if self.params.restore and self.params.cutoff > 0.0 else 1
         curve = self._chooser.place(rsms, gbuffer.camera, kinds=kinds)
-        importance = self._importance.run(gbuffer, curve, occupancy=occupancy, packed=packed)
+        importance = self._importance.run(gbuffer, curve, occupancy=occupancy)
         self._chooser.place(rsms, gbuffer.camera, kinds=kinds, importance=importance)
 
     def lost(self, gbuffer: DeviceGBuffer, vpls: Vpls) -> float:
@@ -371,7 +369,7 @@ class VplSplat(Prepared[VplSplatParams]):
             add = True
 
     def _interleaved(self, given: dict[str, Any], macros: dict[str, int], *, occupancy: bool) -> None:
-        grid = self.occupancy if occupancy else None
+        grid = self._occupancy if occupancy else None
         macros |= grid.macros if grid else {"VPL_GRID": 32}
         macros |= {"VPL_VISIBILITY": int(grid is not None), "VPL_SHARE": self.params.share}
         pieces = 16 * (16 // self.runtime.variant.lanes)

@@ -23,7 +23,7 @@ from ssgi_cl.device.constants import (
 )
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats
-from ssgi_cl.techniques.indirect.occupancy_grid import OccupancyGrid
+from ssgi_cl.techniques.indirect.occupancy_grid import Occupancy, OccupancyGrid
 from ssgi_cl.techniques.indirect.packed_vpls import VPL, DeviceVpls
 
 CUT = Struct("CutParams", (("first", "int"), ("groups", "int"), *floats("scale", "faint", "bright")))
@@ -73,7 +73,7 @@ class VplTree:
         lights: what the tree is made of; without subsets. Parts of lights are not in the tree:
             near by, they shine in place of a light that is listed.
         near, cut: VPL_NEAR and VPL_CUT of kernels/vpl/light.clh.
-        walls: what blocks light; filled before `shine` is called.
+        grid: of what blocks light; None: nothing does.
         share: lights that share a shadow ray, one of `SHARES`.
 
     Attributes:
@@ -87,7 +87,7 @@ class VplTree:
         lights: DeviceVpls,
         near: int,
         cut: int,
-        occupancy: OccupancyGrid | None = None,
+        grid: OccupancyGrid | None = None,
         share: int = 16,
     ) -> None:
         self.runtime = runtime
@@ -111,15 +111,14 @@ class VplTree:
         self._other = runtime.kernel("multires/cut_other.cl", {}, (CAMERA, VPL))
         self._limits = runtime.kernel("multires/cut_limits.cl")
         self._cut = runtime.kernel("multires/cut_lists.cl", {}, (CAMERA, VPL, CUT))
-        self._occupancy = occupancy
-        self._rows = ROWS // 2 if occupancy else ROWS
+        self._rows = ROWS // 2 if grid else ROWS
         macros |= {
             "SHADE_ROWS": self._rows,
-            "VPL_VISIBILITY": int(occupancy is not None),
+            "VPL_VISIBILITY": int(grid is not None),
             "SHADE_LINE": SHARES.index(share) + 1,
         }
         # Without walls the kernel does not look at the grid.
-        macros |= occupancy.macros if occupancy else {"VPL_GRID": 32}
+        macros |= grid.macros if grid else {"VPL_GRID": 32}
         self._macros = macros
 
     def reserve(self, most: int) -> None:
@@ -223,6 +222,7 @@ class VplTree:
         fractions: Plane,
         result: Plane,
         values: dict[str, float],
+        occupancy: Occupancy | None = None,
     ) -> None:
         """Queue the passes that add shares of the irradiance of the samples to a plane.
 
@@ -233,6 +233,7 @@ class VplTree:
             shares: of the source's size.
             result: 3 images likewise, W/m^2; other pixels stay as they are.
             values: members of the struct `VPL` that depend on the technique.
+            occupancy: what blocks light, if this was made with a grid.
         """
         lanes, is_gpu = self.runtime.variant.lanes, self.runtime.info.kind == "gpu"
         items = 1 << 30 if is_gpu else CPU_ITEMS * self.runtime.device.max_compute_units
@@ -245,7 +246,6 @@ class VplTree:
         shade = self.runtime.kernel(
             "multires/shade_list.cl", {**self._macros, "SHADE_PARTS": int(parted)}, (CAMERA, VPL, CUT)
         )
-        occupancy = self._occupancy
         for first in range(0, groups, self._counts.count):
             here = min(groups - first, self._counts.count)
             cut = CUT.pack({"first": first, "groups": here, "scale": scale, "faint": FAINT, "bright": BRIGHT})
@@ -255,7 +255,9 @@ class VplTree:
                     "lists": self._lists,
                     "counts": self._counts,
                     "cut": cut,
-                    "params": self._packed({**values, **batch}, source.margin),
+                    "params": self._packed(
+                        {**values, "lift": occupancy.lift if occupancy else 0.0, **batch}, source.margin
+                    ),
                 }
                 self._cut.run(
                     "light cuts",
@@ -309,14 +311,7 @@ class VplTree:
 
     def _packed(self, values: dict[str, float], margin: Size) -> Any:
         return VPL.pack(
-            {
-                **_ZEROS,
-                **self.lights.values,
-                **values,
-                "lift": self._occupancy.lift if self._occupancy else 0.0,
-                "margin_columns": margin[1],
-                "margin_rows": margin[0],
-            }
+            {**_ZEROS, **self.lights.values, **values, "margin_columns": margin[1], "margin_rows": margin[0]}
         )
 
 

@@ -23,6 +23,8 @@ from .device.gbuffer import DeviceGBuffer as DeviceGBuffer
 from .device.rsm import DeviceRsm as DeviceRsm
 from .device.runtime import PassTime as PassTime
 from .device.runtime import Runtime as Runtime
+from .frame.params import FrameParams as FrameParams
+from .frame.params import WholeFrameParams as WholeFrameParams
 from .frame.render import render as render
 from .frame.renderer import Renderer as Renderer
 from .frame.result import Frame as Frame

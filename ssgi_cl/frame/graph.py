@@ -223,7 +223,8 @@ class Graph:
                 self._bring(stage, values, log)
         for stage in compiled.stages:
             if stage.name not in log:
-                log[stage.name] = self._left("unneeded", "what would read it is reused")
+                why = "what would read it is reused"
+                log[stage.name] = self._left("unneeded", why, stage.label or stage.name, why)
         return values
 
     def _left(self, state: str, why: str, name: str = "", told: str = "") -> StageRun:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Hashable, Iterable
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -126,17 +126,14 @@ class FrameParams(Params):
     exposure: float | None = param(None, "factor before the tone curve; None: automatic")
     curve: str = param("filmic", "of tones", choices=tuple(CURVES))
     gbuffer: bool = param(False, "whether the frame holds the G-buffer too")
-    outputs: tuple[str, ...] | None = param(None, "what the frame is to hold; None: the picture")
+    outputs: Iterable[str] | None = param(None, "what the frame is to hold; None: the picture")
     skips: frozenset[str] = param(True, "what may be left out; True: all")
-
-    PER_FRAME: ClassVar[tuple[str, ...]] = ("ao_radius", "multi_bounce", "exposure", "gbuffer", "outputs")
-    """Of which a renderer takes others at any frame, whatever it was made with."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        outputs: Iterable[str] | None = self.outputs
-        self._set("outputs", outputs if outputs is None or isinstance(outputs, str) else tuple(outputs))
-        self._set("skips", chosen_skips(True if self.skips is None else self.skips))
+        if self.outputs is not None and not isinstance(self.outputs, str):  # which is refused below
+            self._set("outputs", tuple(self.outputs))
+        self._set("skips", chosen_skips(self.skips))
         Needs.of(self.outputs, self.skips)
         if self.exposure is not None:
             self._set("exposure", checks.number("exposure", self.exposure, low=0.0, above=True))

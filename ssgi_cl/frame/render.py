@@ -11,6 +11,7 @@ from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.frame.params import FrameParams
 from ssgi_cl.frame.renderer import Renderer, default_ao_radius
 from ssgi_cl.frame.result import Frame
+from ssgi_cl.frame.skips import chosen_skips
 from ssgi_cl.rasterize.view import device_scene
 
 __all__ = ["Frame", "Renderer", "default_ao_radius", "render"]
@@ -136,7 +137,7 @@ def render(
         curve=curve,
         gbuffer=gbuffer,
         outputs=outputs,
-        skips=skips,
+        skips=chosen_skips(skips),
     )
     runtime = runtime or Runtime.open()
     device_scene(scene, runtime)

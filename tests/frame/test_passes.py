@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ CAMERA = BOX.camera(48, 36)
 
 def test_a_pass_reads_what_it_declares_alone(runtime: Runtime) -> None:
     def run(values: Values) -> Any:
-        return values[name] if look_up else values.get(name)
+        return look_up(values, name)
 
     graph = Graph(
         runtime,
@@ -33,7 +34,11 @@ def test_a_pass_reads_what_it_declares_alone(runtime: Runtime) -> None:
         [Resource("number", given=True), Resource("other", given=True)],
         keep=False,
     )
-    for look_up in (True, False):
+    ways: tuple[Callable[[Values, str], Any], ...] = (
+        lambda values, name: values[name],
+        lambda values, name: values.get(name),
+    )
+    for look_up in ways:
         name = "number"
         assert graph.run({"number": 1, "other": 2}, ["sum"]).values["sum"] == 1
         name = "other"

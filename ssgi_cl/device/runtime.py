@@ -31,6 +31,7 @@ from ssgi_cl.device.kernel import Kernel, check_groups
 from ssgi_cl.device.memory import DeviceMemory, outline
 from ssgi_cl.device.opencl import listed_device, opencl
 from ssgi_cl.device.probe_timer import speed_in_use
+from ssgi_cl.device.signature import ARGUMENT_INFO
 from ssgi_cl.device.structs import Struct
 from ssgi_cl.device.transient import TransientMemory
 
@@ -470,7 +471,7 @@ class Runtime:
             **({"SSGI_IMAGE_ROWS": limits.rows} if limits else {}),
             **dict(sorted(macros.items())),
         }
-        options = ["-cl-std=CL1.2", *(f"-D{macro}={value}" for macro, value in defined.items())]
+        options = ["-cl-std=CL1.2", ARGUMENT_INFO, *(f"-D{macro}={value}" for macro, value in defined.items())]
         key = hashlib.sha256("\0".join([text, *options]).encode()).hexdigest()
         program = self._programs.get(key)
         if program is None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import time
 from importlib.resources import files
 
 import numpy as np
@@ -392,3 +393,12 @@ def test_a_kernel_of_fewer_lanes_covers_the_image_all_the_same(runtime: Runtime)
     assert kernel.lanes == min(runtime.variant.lanes, 8)
     kernel.run("blend", size, radiance=planes[0], over=planes[1], through=planes[2])
     np.testing.assert_array_equal(planes[1].download(), given)
+
+
+def test_compilers_print_no_warnings(runtime: Runtime, capfd: pytest.CaptureFixture[str]) -> None:
+    unused = f"u{time.time_ns()}"  # no cache has this program
+    text = f"__kernel void k(__global int *restrict a, const int2 size) {{ int {unused} = 1.5f; a[0] = {unused}; }}"
+    runtime.kernel_from_text("k", text)
+    assert capfd.readouterr() == ("", "")
+    with pytest.raises(KernelBuildError, match="undeclared"):
+        runtime.kernel_from_text("k", text.replace("a[0] =", "a[0] = nothing +"))

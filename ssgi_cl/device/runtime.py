@@ -22,15 +22,15 @@ from numpy.typing import NDArray
 from ssgi_cl.core import checks
 from ssgi_cl.core.errors import DeviceError, DeviceMemoryError, KernelBuildError
 from ssgi_cl.core.keywords import check_keywords
-from ssgi_cl.device import drivers, image_limits, pocl_cache, sources
+from ssgi_cl.device import drivers, image_limits, sources
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size, plane_shape
-from ssgi_cl.device.driver_caches import replaced_caches
-from ssgi_cl.device.drivers import DeviceInfo, KernelVariant
+from ssgi_cl.device.drivers import DeviceInfo, KernelVariant, pocl_cache
+from ssgi_cl.device.drivers.caches import replaced_caches
+from ssgi_cl.device.drivers.probe_timer import speed_in_use
 from ssgi_cl.device.image_limits import ImageLimits
 from ssgi_cl.device.kernel import Kernel, check_groups
 from ssgi_cl.device.memory import DeviceMemory, outline
 from ssgi_cl.device.opencl import listed_device, opencl
-from ssgi_cl.device.probe_timer import speed_in_use
 from ssgi_cl.device.signature import ARGUMENT_INFO
 from ssgi_cl.device.structs import Struct
 from ssgi_cl.device.transient import TransientMemory

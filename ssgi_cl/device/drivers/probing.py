@@ -20,9 +20,9 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from ssgi_cl.device.driver_caches import replaced_caches
-from ssgi_cl.device.info import KERNEL_VARIANTS, DeviceInfo, Found
-from ssgi_cl.device.pocl_cache import clear_damaged
+from ssgi_cl.device.drivers.caches import replaced_caches
+from ssgi_cl.device.drivers.info import KERNEL_VARIANTS, DeviceInfo, Found
+from ssgi_cl.device.drivers.pocl_cache import clear_damaged
 
 PROBE_SECONDS = 60
 """After this long for each form, a probe counts as hung at the form that it was at."""
@@ -90,8 +90,8 @@ def doubtful() -> str:
 
 
 def run_probe(environment: dict[str, str], arguments: Sequence[str]) -> Answers:
-    """Run `ssgi_cl.device.probe` in a process of its own."""
-    command = [sys.executable, "-m", "ssgi_cl.device.probe", *arguments]
+    """Run `ssgi_cl.device.drivers.probe` in a process of its own."""
+    command = [sys.executable, "-m", "ssgi_cl.device.drivers.probe", *arguments]
     doubt = doubtful()
     patience = (DOUBTFUL_SECONDS if doubt else PROBE_SECONDS) * max(len(arguments) - 2, 1)
     try:

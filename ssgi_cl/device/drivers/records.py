@@ -21,8 +21,8 @@ from pathlib import Path
 
 from ssgi_cl.core.atomic import replacement
 from ssgi_cl.device import sources
-from ssgi_cl.device.driver_caches import cache_folder
-from ssgi_cl.device.info import DeviceInfo, Found
+from ssgi_cl.device.drivers.caches import cache_folder
+from ssgi_cl.device.drivers.info import DeviceInfo, Found
 
 FAILURES_HOLD_SECONDS = 24 * 3600.0
 """A record that holds a failure, or no device, is made anew after this long."""

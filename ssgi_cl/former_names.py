@@ -19,10 +19,10 @@ _MOVED = {
     ("", "core"): ("atomic camera check=checks errors gbuffer immutable lights params sampling sight=camera_rays"),
     ("", "device"): (
         "device_gbuffer=gbuffer device_memory=memory device_rsm=rsm drivers host_memory image_limits kernel "
-        "memory=arrays opencl runtime sources structs window=active_region"
+        "memory=arrays opencl probe runtime sources structs window=active_region"
     ),
     ("", "device.drivers"): (
-        "device_info=info device_records=records driver_caches=caches pocl_cache pocl_cpu probe probing"
+        "device_info=info device_records=records driver_caches=caches pocl_cache pocl_cpu probing"
     ),
     ("", "frame"): ("further_views=auxiliary_views occluder=tile_classifier plan render render_params renderer"),
     ("", "io"): ("cli_common=console exr exr_header png views=previews"),

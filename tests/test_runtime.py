@@ -13,8 +13,9 @@ from ssgi_cl.core.errors import DeviceError, DeviceMemoryError, KernelBuildError
 from ssgi_cl.device import drivers, sources
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.drivers import KernelVariant
-from ssgi_cl.device.runtime import MOST_PREPARED, PassTime, Runtime
+from ssgi_cl.device.runtime import MOST_PREPARED, Runtime
 from ssgi_cl.device.structs import CAMERA
+from ssgi_cl.device.timing import PassTime
 
 SIZES = [(1, 1), (1, 17), (17, 31), (16, 16), (33, 100)]
 ADD = """

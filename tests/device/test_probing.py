@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from ssgi_cl.device import drivers
-from ssgi_cl.device.drivers import probe, probing
+from ssgi_cl.device import drivers, probe
+from ssgi_cl.device.drivers import probing
 from ssgi_cl.device.drivers.info import KERNEL_VARIANTS, DeviceInfo
 from ssgi_cl.device.drivers.probe_timer import speed_in_use
 from ssgi_cl.device.drivers.probing import Answers, consensus

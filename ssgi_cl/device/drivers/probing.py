@@ -90,8 +90,8 @@ def doubtful() -> str:
 
 
 def run_probe(environment: dict[str, str], arguments: Sequence[str]) -> Answers:
-    """Run `ssgi_cl.device.drivers.probe` in a process of its own."""
-    command = [sys.executable, "-m", "ssgi_cl.device.drivers.probe", *arguments]
+    """Run `ssgi_cl.device.probe` in a process of its own."""
+    command = [sys.executable, "-m", "ssgi_cl.device.probe", *arguments]
     doubt = doubtful()
     patience = (DOUBTFUL_SECONDS if doubt else PROBE_SECONDS) * max(len(arguments) - 2, 1)
     try:

@@ -32,7 +32,7 @@ _SETTINGS = re.compile(r"(POCL|CUDA|NVIDIA|HIP|ROCR|GPU|HSA|ZE|ONEAPI|SYCL|CL|OC
 """Variables that choose or change devices."""
 _NO_SETTINGS = ("POCL_CACHE_DIR", "POCL_DEBUG", "POCL_EXTRA_BUILD_FLAGS", "OCL_ICD_VENDORS")
 """Variables among them that don't, or that this library sets itself."""
-_MODULES = ("probe.py", "probe_timer.py", "probing.py", "pocl_cpu.py", "info.py")
+_MODULES = ("../probe.py", "probe_timer.py", "probing.py", "pocl_cpu.py", "info.py")
 """Files whose text decides what a record says."""
 
 
@@ -46,7 +46,7 @@ def record_file(driver: Path) -> Path:
         *settings(),
     ]
     here = Path(__file__)
-    parts += [here.with_name(name).read_text(encoding="utf-8") for name in _MODULES]
+    parts += [(here.parent / name).read_text(encoding="utf-8") for name in _MODULES]
     key = hashlib.sha256("\n".join(parts).encode()).hexdigest()[:16]
     return cache_folder() / f"devices-{key}.json"
 

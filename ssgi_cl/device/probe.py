@@ -1,4 +1,4 @@
-"""Look at the devices of one driver: `python -m ssgi_cl.device.drivers.probe [PLATFORM DEVICE FORM ...]`.
+"""Look at the devices of one driver: `python -m ssgi_cl.device.probe [PLATFORM DEVICE FORM ...]`.
 
 Without arguments it lists the devices; with them it times forms of the kernels on one device. One
 JSON object a line. Run by `ssgi_cl.device.drivers.probing` in a process of its own, which a driver may

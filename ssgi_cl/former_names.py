@@ -18,9 +18,11 @@ _MOVED = {
     ("", "cli"): ("cli_apply=apply cli_render=render"),
     ("", "core"): ("atomic camera check=checks errors gbuffer immutable lights params sampling sight=camera_rays"),
     ("", "device"): (
-        "device_gbuffer=gbuffer device_info=info device_memory=memory device_records=records "
-        "device_rsm=rsm driver_caches drivers host_memory image_limits kernel memory=arrays "
-        "opencl pocl_cache pocl_cpu probe probing runtime sources structs window=active_region"
+        "device_gbuffer=gbuffer device_memory=memory device_rsm=rsm drivers host_memory image_limits kernel "
+        "memory=arrays opencl probe runtime sources structs window=active_region"
+    ),
+    ("", "device.drivers"): (
+        "device_info=info device_records=records driver_caches=caches pocl_cache pocl_cpu probing"
     ),
     ("", "frame"): ("further_views=auxiliary_views occluder=tile_classifier plan render render_params renderer"),
     ("", "io"): ("cli_common=console exr exr_header png views=previews"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import time
 from importlib.resources import files
 
 import numpy as np
@@ -12,8 +13,9 @@ from ssgi_cl.core.errors import DeviceError, DeviceMemoryError, KernelBuildError
 from ssgi_cl.device import drivers, sources
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.drivers import KernelVariant
-from ssgi_cl.device.runtime import MOST_PREPARED, PassTime, Runtime
+from ssgi_cl.device.runtime import MOST_PREPARED, Runtime
 from ssgi_cl.device.structs import CAMERA
+from ssgi_cl.device.timing import PassTime
 
 SIZES = [(1, 1), (1, 17), (17, 31), (16, 16), (33, 100)]
 ADD = """
@@ -392,3 +394,12 @@ def test_a_kernel_of_fewer_lanes_covers_the_image_all_the_same(runtime: Runtime)
     assert kernel.lanes == min(runtime.variant.lanes, 8)
     kernel.run("blend", size, radiance=planes[0], over=planes[1], through=planes[2])
     np.testing.assert_array_equal(planes[1].download(), given)
+
+
+def test_compilers_print_no_warnings(runtime: Runtime, capfd: pytest.CaptureFixture[str]) -> None:
+    unused = f"u{time.time_ns()}"  # no cache has this program
+    text = f"__kernel void k(__global int *restrict a, const int2 size) {{ int {unused} = 1.5f; a[0] = {unused}; }}"
+    runtime.kernel_from_text("k", text)
+    assert capfd.readouterr() == ("", "")
+    with pytest.raises(KernelBuildError, match="undeclared"):
+        runtime.kernel_from_text("k", text.replace("a[0] =", "a[0] = nothing +"))

@@ -66,7 +66,7 @@ class Kernel:
                 f"{source} has no kernel {self.name} on {runtime.info.label}, {runtime.variant}: {error}"
             ) from error
         self.lanes = macros["SSGI_LANES"]
-        self.signature = Signature.of(name, text, macros)
+        self.signature = Signature.of(self._kernel, text)
         self._arguments = Arguments(self.signature, structs)
         self._kernel.set_arg_types(self._arguments.types)
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ssgi_cl.device.pocl_cpu import name_processor
+from ssgi_cl.device.drivers.pocl_cpu import name_processor
 
 if TYPE_CHECKING:
-    from ssgi_cl.device.info import DeviceInfo
+    from ssgi_cl.device.drivers.info import DeviceInfo
 
 
 def opencl() -> Any:

@@ -1,7 +1,7 @@
 """Look at the devices of one driver: `python -m ssgi_cl.device.probe [PLATFORM DEVICE FORM ...]`.
 
 Without arguments it lists the devices; with them it times forms of the kernels on one device. One
-JSON object a line. Run by `ssgi_cl.device.probing` in a process of its own, which a driver may
+JSON object a line. Run by `ssgi_cl.device.drivers.probing` in a process of its own, which a driver may
 bring down.
 """
 
@@ -15,8 +15,8 @@ from collections.abc import Callable
 from pathlib import Path
 from statistics import median
 
+from ssgi_cl.device.drivers.probe_timer import million_reads, timer
 from ssgi_cl.device.opencl import described
-from ssgi_cl.device.probe_timer import million_reads, timer
 
 REPEATS = 15
 LONGEST_REASON = 4000
@@ -47,7 +47,7 @@ def time_variants(platform: int, device: int, names: list[str]) -> None:
     take turns, so that what else the machine does meets all of them alike, and the median counts.
     """
     from ssgi_cl.core.errors import SsgiError
-    from ssgi_cl.device.info import KERNEL_VARIANTS, DeviceInfo
+    from ssgi_cl.device.drivers.info import KERNEL_VARIANTS, DeviceInfo
     from ssgi_cl.device.runtime import Runtime
 
     running: dict[str, Callable[[], float]] = {}

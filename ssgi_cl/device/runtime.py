@@ -9,12 +9,12 @@ import threading
 import time
 import warnings
 import weakref
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
-from typing import Any, ParamSpec, Self, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,53 +22,25 @@ from numpy.typing import NDArray
 from ssgi_cl.core import checks
 from ssgi_cl.core.errors import DeviceError, DeviceMemoryError, KernelBuildError
 from ssgi_cl.core.keywords import check_keywords
-from ssgi_cl.device import drivers, image_limits, pocl_cache, sources
+from ssgi_cl.device import drivers, image_limits, sources
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size, plane_shape
-from ssgi_cl.device.driver_caches import replaced_caches
-from ssgi_cl.device.drivers import DeviceInfo, KernelVariant
+from ssgi_cl.device.drivers import DeviceInfo, KernelVariant, pocl_cache
+from ssgi_cl.device.drivers.caches import replaced_caches
+from ssgi_cl.device.drivers.probe_timer import speed_in_use
 from ssgi_cl.device.image_limits import ImageLimits
 from ssgi_cl.device.kernel import Kernel, check_groups
 from ssgi_cl.device.memory import DeviceMemory, outline
 from ssgi_cl.device.opencl import listed_device, opencl
-from ssgi_cl.device.probe_timer import speed_in_use
+from ssgi_cl.device.signature import ARGUMENT_INFO
 from ssgi_cl.device.structs import Struct
+from ssgi_cl.device.timing import FrameLog, PassTime
 from ssgi_cl.device.transient import TransientMemory
-
-
-@dataclass(frozen=True)
-class PassTime:
-    """A pass that ran, or was skipped.
-
-    Attributes:
-        name: of the pass.
-        ms: milliseconds on the device; 0 if skipped.
-        skipped: why it was not run; empty if it ran.
-        saved: milliseconds that this saves by estimate: what the pass took when it last ran; 0 if
-            that is not known.
-    """
-
-    name: str
-    ms: float
-    skipped: str = ""
-    saved: float = 0.0
-
 
 MOST_PREPARED = 256
 """Results that `Runtime.prepared` keeps at most: their memory on the host is not counted."""
 
 P = ParamSpec("P")
 T = TypeVar("T")
-
-
-class _FrameLog(threading.local):
-    """The passes of a thread's current frame."""
-
-    def __init__(self) -> None:
-        self.events: list[tuple[str, Any]] = []
-        self.skips: list[tuple[int, PassTime]] = []
-        self.parts: list[tuple[str, int, int]] = []
-        self.costs: dict[str, float] = {}
-        self.depth = 0
 
 
 @dataclass
@@ -129,7 +101,7 @@ class Runtime:
         self._prepared: dict[object, _Prepared] = {}
         self._within_bounds: tuple[int, int, int] | None = None  # state in which nothing must go
         self._following: set[object] = set()
-        self._log = _FrameLog()
+        self._log = FrameLog()
         self.lock = threading.RLock()
         self._calls = 0
         self._depth = 0  # of calls within calls, in the thread that has the lock
@@ -470,7 +442,9 @@ class Runtime:
             **({"SSGI_IMAGE_ROWS": limits.rows} if limits else {}),
             **dict(sorted(macros.items())),
         }
-        options = ["-cl-std=CL1.2", *(f"-D{macro}={value}" for macro, value in defined.items())]
+        # -w: PoCL's Clang prints how many warnings it had on stderr ("206 warnings generated."); the
+        # lint reads them. Errors stay in the build log.
+        options = ["-cl-std=CL1.2", "-w", ARGUMENT_INFO, *(f"-D{macro}={value}" for macro, value in defined.items())]
         key = hashlib.sha256("\0".join([text, *options]).encode()).hexdigest()
         program = self._programs.get(key)
         if program is None:
@@ -510,60 +484,25 @@ class Runtime:
 
     # ---- time
 
-    @contextmanager
-    def frame(self, costs: dict[str, float] | None = None) -> Iterator[Self]:
-        """Collect this thread's passes within; frames inside a frame belong to it.
-
-        `costs` is the caller's memory of what passes and parts took, in ms by name: `times` brings
-        it up to date, and what is skipped is estimated from it.
-        """
-        log = self._log
-        if log.depth == 0:
-            log.events, log.skips, log.parts = [], [], []
-            log.costs = {} if costs is None else costs
-        log.depth += 1
-        try:
-            yield self
-        finally:
-            log.depth -= 1
+    def frame(self, costs: dict[str, float] | None = None) -> AbstractContextManager[None]:
+        """Collect this thread's passes within, see `FrameLog.frame`."""
+        return self._log.frame(costs)
 
     def times(self) -> list[PassTime]:
         """Return the passes of the latest frame, in order; waits for those still running."""
-        log = self._log
-        if log.events:
-            log.events[-1][1].wait()
-        ran = [PassTime(name, event.profile.end * 1e-6 - event.profile.start * 1e-6) for name, event in log.events]
-        taken: dict[str, list[float]] = {}
-        for p in ran:
-            taken.setdefault(p.name, []).append(p.ms)
-        whole: dict[str, list[float]] = {}
-        for name, first, end in log.parts:
-            whole.setdefault(name, []).append(sum(p.ms for p in ran[first:end]))
-        for name, times in {**taken, **whole}.items():
-            log.costs[name] = sum(times) / len(times)
-        for position, skip in reversed(log.skips):
-            ran.insert(position, skip)
-        return ran
+        return self._log.times()
 
     def record(self, name: str, event: Any) -> None:
         """Add a pass to the current frame."""
         self._log.events.append((name, event))
 
-    @contextmanager
-    def part(self, name: str) -> Iterator[None]:
+    def part(self, name: str) -> AbstractContextManager[None]:
         """Note that the passes within make up a part of the frame, which may be skipped as one."""
-        first = len(self._log.events)
-        yield
-        self._log.parts.append((name, first, len(self._log.events)))
+        return self._log.part(name)
 
     def skip(self, name: str, why: str, saved: float | None = None) -> None:
-        """Note in the current frame that a pass or part was not needed.
-
-        By default it saves what it took when it last ran.
-        """
-        log = self._log
-        cost = log.costs.get(name, 0.0) if saved is None else saved
-        log.skips.append((len(log.events), PassTime(name, 0.0, why, cost)))
+        """Note in the current frame that a pass or part was not needed, see `FrameLog.skip`."""
+        self._log.skip(name, why, saved)
 
     @property
     def noted(self) -> int:

@@ -14,7 +14,8 @@ from time import perf_counter
 from typing import Any
 
 from ssgi_cl.core import checks
-from ssgi_cl.device.runtime import PassTime, Runtime
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.device.timing import PassTime
 from ssgi_cl.frame.record import GraphLog, StageNames, StageRun, device_bytes
 from ssgi_cl.frame.skips import same
 from ssgi_cl.frame.stage import Resource, Stage, Values, ordered, results_of, writers_of

@@ -8,7 +8,8 @@ from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
 from ssgi_cl.device.arrays import DeviceArray, Plane
-from ssgi_cl.device.runtime import PassTime, Runtime
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.device.timing import PassTime
 from ssgi_cl.frame.graph_dot import dot
 from ssgi_cl.frame.graph_svg import svg
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer
-from ssgi_cl.device.runtime import PassTime
+from ssgi_cl.device.timing import PassTime
 from ssgi_cl.frame.record import GraphLog, GraphRecord
 
 

@@ -23,7 +23,8 @@ from rich.table import Table
 
 from ssgi_cl.core import checks
 from ssgi_cl.core.errors import KernelBuildError, SsgiError
-from ssgi_cl.device.runtime import PassTime, Runtime
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.device.timing import PassTime
 
 DEFAULT_FOV = 50.0
 """Degrees, vertical."""

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core import checks
 from ssgi_cl.core.errors import TruthError
-from ssgi_cl.device.driver_caches import cache_folder
+from ssgi_cl.device.drivers.caches import cache_folder
 from ssgi_cl.truth.digests import canonical, digest
 from ssgi_cl.truth.files import TruthFiles, read
 

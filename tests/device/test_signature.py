@@ -1,25 +1,21 @@
-"""Signatures of kernels read from their text, and arguments bound to them by name."""
+"""Signatures of kernels as drivers tell them, and arguments bound to them by name."""
 
 from __future__ import annotations
 
 import inspect
-import warnings
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from ssgi_cl.core.errors import KernelSourceError
+from ssgi_cl.core.errors import DeviceError, KernelSourceError
 from ssgi_cl.device import sources
 from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.device.signature import PLANE, Parameter, Signature
+from ssgi_cl.device.signature import ARGUMENT_INFO, PLANE, Parameter, Signature
 from ssgi_cl.device.structs import CAMERA, Struct, floats
 
-from ..launches import Build, builds
+from ..launches import builds
 
 PAIR = Struct("Pair", (*floats("first"), ("second", "int")))
 REFERENCE = Struct("Twin", PAIR.members)
@@ -49,6 +45,12 @@ __kernel void combine(ssgi_plane read, __global const int *restrict numbers,
 # ---- what is read
 
 
+def signature(runtime: Runtime, listed: str, macros: dict[str, int] | None = None) -> Signature:
+    text = f"""#include "common/gbuffer.clh"
+        __kernel void k({listed}) {{}}"""
+    return runtime.kernel_from_text("k", text, macros, [CAMERA]).signature
+
+
 @pytest.mark.parametrize(
     ("declaration", "expected"),
     [
@@ -56,148 +58,80 @@ __kernel void combine(ssgi_plane read, __global const int *restrict numbers,
         ("__global const float *restrict a", Parameter("a", "float", memory=True)),
         ("__global int4 *a", Parameter("a", "int4", memory=True, written=True)),
         ("ssgi_optional __global int *restrict a", Parameter("a", "int", memory=True, written=True, optional=True)),
+        ("__global const uchar *a", Parameter("a", "uchar", memory=True)),
+        ("__global unsigned int *a", Parameter("a", "uint", memory=True, written=True)),
         ("const int2 size", Parameter("size", "int2")),
         ("const SsgiCamera camera /* a comment, (of two) */", Parameter("camera", "SsgiCamera")),
+        ("const float step", Parameter("step", "float")),
         ("float x // of\n", Parameter("x", "float")),
     ],
 )
-def test_a_declaration_is_read(declaration: str, expected: Parameter) -> None:
-    found = Signature.of("k", f"__kernel void k({declaration}) {{ f(1, 2); }}", {})
-    assert found == Signature("k", (expected,))
+def test_a_declaration_is_read(variant_runtime: Runtime, declaration: str, expected: Parameter) -> None:
+    assert signature(variant_runtime, declaration) == Signature("k", (expected,))
 
 
-def test_a_kernel_may_take_nothing() -> None:
+def test_a_kernel_may_take_nothing(runtime: Runtime) -> None:
     for listed in ("", "void", " // nothing\n"):
-        assert Signature.of("k", f"__kernel void k({listed})\n{{}}", {}).parameters == ()
+        assert signature(runtime, listed).parameters == ()
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("declaration", "message"),
     [
-        ("__kernel void other(int a) {}", "the text has no kernel k"),
-        ("__kernel void k(__local float *a) {}", r"kernel k has the parameter '__local float \*a'"),
-        ("__kernel void k(unsigned int a) {}", "kernel k has the parameter 'unsigned int a'"),
-        ("__kernel void k(ssgi_optional ssgi_plane a) {}", "only a pointer to __global memory"),
-        ("__kernel void k(\n#if A ? 1 : 0\nint a\n#endif\n) {}", r"condition #if A \? 1 : 0"),
-        ("__kernel void k(\n#if (1\nint a\n#endif\n) {}", r"condition #if \(1"),
+        ("__local float *a", r"kernel k has the parameter '__local float \*a'"),
+        ("__constant float *a", r"kernel k has the parameter '__constant float \*a'"),
+        ("__read_only image2d_t a", "kernel k has the parameter '__read_only image2d_t a'"),
+        ("const sampler_t a", "const sampler_t a is of a type that the host can't pass"),
+        ("unsigned int a", "const uint a is of a type that the host can't pass"),
+        ("ssgi_optional ssgi_plane a", "only a pointer to __global memory"),
+        ("ssgi_optional int a", "only a pointer to __global memory"),
     ],
 )
-def test_what_is_not_understood_is_an_error(text: str, message: str) -> None:
+def test_what_the_host_cannot_pass_is_an_error(runtime: Runtime, declaration: str, message: str) -> None:
     with pytest.raises(KernelSourceError, match=message):
-        Signature.of("k", text, {})
+        signature(runtime, declaration)
 
 
-@pytest.mark.parametrize(
-    ("condition", "holds"),
-    [
-        ("7 - 4 - 3", False),
-        ("16 / 4 / 2 == 2", True),
-        ("7 % 4 * 2 == 6", True),
-        ("-1 < 0 && !-0", True),
-        ("1 || 0 && 0", True),
-        ("!A == 0", True),
-        ("010 == 8", True),
-        ("1 + 2 * 3 == 7", True),
-        ("A \\\n > 1", True),
-        ("__has_builtin(f) + 1", True),
-    ],
-)
-def test_conditions_are_those_of_c(condition: str, holds: bool) -> None:
-    text = f"__kernel void k(\n#if {condition}\nint yes,\n#endif\nint last) {{}}"
-    found = Signature.of("k", text, {"A": 2})
-    assert len(found.parameters) == 1 + holds
+def test_parameters_of_other_macros_are_absent(variant_runtime: Runtime) -> None:
+    listed = """
+        #if A > 1 && \\
+            !defined(B)
+            ssgi_plane r, // of two, or
+        #else
+            const int p,
+            const float q,
+        #endif
+        const int last"""
+    numbers = (Parameter("p", "int"), Parameter("q", "float"), Parameter("last", "int"))
+    assert signature(variant_runtime, listed, {"A": 1}) == Signature("k", numbers, frozenset({"r"}))
+    plane = (Parameter("r", PLANE, memory=True), Parameter("last", "int"))
+    assert signature(variant_runtime, listed, {"A": 2}) == Signature("k", plane, frozenset({"p", "q"}))
 
 
-TYPES = ("float", "int", "int2", "SsgiCamera")
-PARAMETERS = st.one_of(
-    st.builds(Parameter, st.just(""), st.just(PLANE), memory=st.just(True)),
-    st.builds(
-        Parameter,
-        st.just(""),
-        st.sampled_from(("float", "int", "uint", "int2")),
-        memory=st.just(True),
-        written=st.booleans(),
-        optional=st.booleans(),
-    ),
-    st.builds(Parameter, st.just(""), st.sampled_from(TYPES)),
-)
-CONDITIONS = st.recursive(
-    st.sampled_from(
-        [
-            ("1", 1),
-            ("0", 0),
-            ("A", 2),
-            ("B", 0),
-            ("C", 7),
-            ("UNKNOWN", 0),
-            ("0x10u", 16),
-            ("defined(A)", 1),
-            ("defined UNKNOWN", 0),
-        ]
-    ),
-    lambda inner: st.one_of(
-        st.tuples(inner).map(lambda a: (f"!({a[0][0]})", int(not a[0][1]))),
-        st.tuples(inner, inner).map(lambda a: (f"({a[0][0]}) && {_wrapped(a[1])}", int(bool(a[0][1] and a[1][1])))),
-        st.tuples(inner, inner).map(lambda a: (f"{_wrapped(a[0])} || ({a[1][0]})", int(bool(a[0][1] or a[1][1])))),
-        st.tuples(inner, inner, st.sampled_from(["<", ">", "<=", ">=", "==", "!="])).map(
-            lambda a: (f"{_wrapped(a[0])} {a[2]} {_wrapped(a[1])}", int(_compared(a[2], a[0][1], a[1][1])))
-        ),
-        st.tuples(inner, inner).map(lambda a: (f"{_wrapped(a[0])} + 3 * {_wrapped(a[1])}", a[0][1] + 3 * a[1][1])),
-    ),
-    max_leaves=6,
-)
-"""Conditions of the preprocessor, and their values with A = 2, B = 0 and C = 5 + A."""
+class Silent:
+    """A kernel of a driver that keeps no information on arguments."""
+
+    function_name, num_args = "k", 1
+
+    def get_arg_info(self, number: int, what: int) -> Any:
+        import pyopencl as cl
+
+        raise cl.Error("clGetKernelArgInfo", cl.status_code.KERNEL_ARG_INFO_NOT_AVAILABLE, "")
 
 
-def _wrapped(condition: tuple[str, int]) -> str:
-    return condition[0] if condition[0].isalnum() else f"({condition[0]})"
+def test_a_driver_without_the_information_is_an_error() -> None:
+    with pytest.raises(DeviceError, match=r"kernel k: the driver does not tell .*-cl-kernel-arg-info"):
+        Signature.of(Silent(), "__kernel void k(int a) {}")
 
 
-def _compared(how: str, a: int, b: int) -> bool:
-    return {"<": a < b, ">": a > b, "<=": a <= b, ">=": a >= b, "==": a == b, "!=": a != b}[how]
+def test_a_program_from_a_binary_tells_the_same(runtime: Runtime) -> None:
+    import pyopencl as cl
 
-
-@settings(max_examples=300, deadline=None)
-@given(st.lists(st.tuples(PARAMETERS, st.none() | CONDITIONS), min_size=1, max_size=8), st.booleans())
-def test_generated_signatures_come_back(
-    wanted: list[tuple[Parameter, tuple[str, int] | None]], otherwise: bool
-) -> None:
-    lines, expected, absent = [], [], set()
-    for number, (made, condition) in enumerate(wanted):
-        parameter = replace(made, name=f"p{number}")
-        lines += [f"#if {condition[0]}"] if condition else []
-        # The last one has no condition, as it has no comma behind it.
-        lines += [f"    {parameter.declaration}, // number {number}, of {len(wanted)})"]
-        if condition and otherwise:
-            lines += ["#else", f"    const int q{number},"]
-        lines += ["#endif"] if condition else []
-        if condition is None or condition[1]:
-            expected.append(parameter)
-            absent |= {f"q{number}"} if condition and otherwise else set()
-        else:
-            absent.add(parameter.name)
-            expected += [Parameter(f"q{number}", "int")] if otherwise else []
-    body = "\n".join(lines)
-    text = (
-        f"#define C (5 + A)\n#ifdef NOT\n#define B 1\n#endif\n"
-        f"__kernel void k(\n{body}\n    const int last)\n{{ return; }}\n"
-    )
-    found = Signature.of("k", text, {"A": 2, "B": 0})
-    assert found.parameters == (*expected, Parameter("last", "int"))
-    assert found.absent == absent
-
-
-@pytest.mark.parametrize("path", sources.kernel_names())
-def test_every_kernel_has_a_signature_of_known_types(path: str) -> None:
-    name = path.rsplit("/", 1)[-1].removesuffix(".cl")
-    found = Signature.of(name, sources.flatten(path), {"SSGI_LANES": 16, "SSGI_IMAGES": 0})
-    names = [parameter.name for parameter in found.parameters]
-    assert len(set(names)) == len(names)
-    assert Parameter("size", "int2") in found.parameters
-    # `Kernel.run` has options of these names.
-    options = inspect.getfullargspec(Kernel.run).kwonlyargs
-    assert {"grid", "region"} <= {*options}
-    assert not {*options} & {*names, *found.absent}
+    kernel = combine(runtime)
+    program = kernel._kernel.get_info(cl.kernel_info.PROGRAM)
+    binaries = program.get_info(cl.program_info.BINARIES)
+    again = cl.Program(runtime.context, [runtime.device], binaries).build(options=[ARGUMENT_INFO])
+    assert Signature.of(cl.Kernel(again, "combine"), TEXT) == kernel.signature
 
 
 # ---- every technique
@@ -208,53 +142,16 @@ def test_every_technique_binds_every_kernel(runtime: Runtime) -> None:
     assert sorted({build.path for build in builds(runtime)}) == sources.kernel_names()
 
 
-def compiled(runtime: Runtime, build: Build) -> Any:
-    """Return the program of a kernel, built with information on its arguments."""
-    import pyopencl as cl
-
-    variant = runtime.variant
-    defined = {
-        "SSGI_LANES": variant.lanes,
-        "SSGI_IMAGES": int(variant.storage == "image"),
-        "SSGI_IMAGE_ROWS": 4096,
-        **build.macros,
-    }
-    options = [f"-D{name}={value}" for name, value in defined.items()]
-    text = sources.flatten(build.path, "\n".join(struct.text for struct in build.structs))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return cl.Program(runtime.context, text).build(options=["-cl-std=CL1.2", "-cl-kernel-arg-info", *options])
-
-
-@pytest.mark.slow  # compiles all kernels once more
-def test_the_compiler_reads_the_same_signatures(runtime: Runtime) -> None:
-    import pyopencl as cl
-
-    info = cl.kernel_arg_info
-    qualified = {cl.kernel_arg_address_qualifier.GLOBAL: True, cl.kernel_arg_address_qualifier.PRIVATE: False}
-    # One of each of a kernel's signatures.
-    different = {build.kernel.signature: build for build in builds(runtime)}
-    for signature, build in different.items():
-        parameters = signature.parameters
-        kernel = cl.Kernel(compiled(runtime, build), signature.kernel)
-        assert kernel.num_args == len(parameters), build.path
-        for number, parameter in enumerate(parameters):
-            try:
-                name = kernel.get_arg_info(number, info.NAME)
-            except cl.Error:
-                pytest.skip("the driver keeps no information on kernels' arguments")
-            # PoCL's own header makes `step`, a built-in function's name, a macro.
-            assert name.removeprefix("_cl_") == parameter.name, build.path
-            if runtime.variant.storage == "image" and parameter.type == PLANE:
-                continue
-            is_memory = qualified[kernel.get_arg_info(number, info.ADDRESS_QUALIFIER)]
-            assert is_memory == parameter.memory, (build.path, name)
-            expected = "float" if parameter.type == PLANE else parameter.type
-            assert kernel.get_arg_info(number, info.TYPE_NAME).rstrip("*") == expected, name
-            if parameter.memory:
-                read = kernel.get_arg_info(number, info.TYPE_QUALIFIER)
-                constant = bool(read & cl.kernel_arg_type_qualifier.CONST)
-                assert constant != parameter.written, (build.path, name)
+def test_every_kernel_has_a_signature_of_known_types(runtime: Runtime) -> None:
+    # `Kernel.run` has options of these names.
+    options = inspect.getfullargspec(Kernel.run).kwonlyargs
+    assert {"grid", "region"} <= {*options}
+    for build in builds(runtime):
+        found = build.kernel.signature
+        names = [parameter.name for parameter in found.parameters]
+        assert len(set(names)) == len(names)
+        assert Parameter("size", "int2") in found.parameters
+        assert not {*options} & {*names, *found.absent}
 
 
 # ---- arguments

@@ -21,8 +21,9 @@ from PIL import Image
 from ssgi_cl.cli import command
 from ssgi_cl.core import atomic
 from ssgi_cl.core.errors import DeviceError
-from ssgi_cl.device import drivers, probe, probing, sources
-from ssgi_cl.device.info import DeviceInfo, Found
+from ssgi_cl.device import drivers, probe, sources
+from ssgi_cl.device.drivers import probing
+from ssgi_cl.device.drivers.info import DeviceInfo, Found
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.io import exr
 

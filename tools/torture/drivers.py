@@ -16,8 +16,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from random import Random
 
-from ssgi_cl.device import drivers, probing
-from ssgi_cl.device.info import KERNEL_VARIANTS, DeviceInfo
+from ssgi_cl.device import drivers
+from ssgi_cl.device.drivers import probing
+from ssgi_cl.device.drivers.info import KERNEL_VARIANTS, DeviceInfo
 
 PATIENCE = 200.0
 """Seconds for one process that compiles everything."""

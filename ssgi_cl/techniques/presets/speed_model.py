@@ -17,7 +17,7 @@ from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.device import sources
 from ssgi_cl.device.arrays import Size
-from ssgi_cl.device.driver_caches import cache_folder
+from ssgi_cl.device.drivers.caches import cache_folder
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.techniques import presets

@@ -20,9 +20,9 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from ssgi_cl.device.driver_caches import replaced_caches
-from ssgi_cl.device.info import KERNEL_VARIANTS, DeviceInfo, Found
-from ssgi_cl.device.pocl_cache import clear_damaged
+from ssgi_cl.device.drivers.caches import replaced_caches
+from ssgi_cl.device.drivers.info import KERNEL_VARIANTS, DeviceInfo, Found
+from ssgi_cl.device.drivers.pocl_cache import clear_damaged
 
 PROBE_SECONDS = 60
 """After this long for each form, a probe counts as hung at the form that it was at."""

@@ -22,7 +22,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
-from ssgi_cl.device.driver_caches import cache_folder, pocl_folder
+from ssgi_cl.device.drivers.caches import cache_folder, pocl_folder
 
 LOOK_SECONDS = 0.05
 """Time for a look through the cache; enough for some hundred programs."""

@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from ssgi_cl.device import records
-from ssgi_cl.device.info import DeviceInfo, Found
-from ssgi_cl.device.records import load, machine_description, record_file, save
+from ssgi_cl.device.drivers import records
+from ssgi_cl.device.drivers.info import DeviceInfo, Found
+from ssgi_cl.device.drivers.records import load, machine_description, record_file, save
 
 RUNS = DeviceInfo("x.icd", 0, 0, "Test 1", "cpu", 2, {"1 lane, buffer": 1.0})
 FAILS = DeviceInfo("x.icd", 0, 0, "Test 1", "cpu", 2, {"1 lane, buffer": "it dies"})

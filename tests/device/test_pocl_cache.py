@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pytest
 
-from ssgi_cl.device import pocl_cache
-from ssgi_cl.device.driver_caches import cache_folder
-from ssgi_cl.device.pocl_cache import clear_damaged, damaged_files, guard, whole_bitcode, whole_library
+from ssgi_cl.device.drivers import pocl_cache
+from ssgi_cl.device.drivers.caches import cache_folder
+from ssgi_cl.device.drivers.pocl_cache import clear_damaged, damaged_files, guard, whole_bitcode, whole_library
 from ssgi_cl.device.runtime import Runtime
 
 BITCODE = b"BC\xc0\xde" + struct.pack("<II8x", 0b01, 2) + struct.pack("<II4x", 0b01, 1)

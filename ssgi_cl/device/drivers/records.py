@@ -21,8 +21,8 @@ from pathlib import Path
 
 from ssgi_cl.core.atomic import replacement
 from ssgi_cl.device import sources
-from ssgi_cl.device.driver_caches import cache_folder
-from ssgi_cl.device.info import DeviceInfo, Found
+from ssgi_cl.device.drivers.caches import cache_folder
+from ssgi_cl.device.drivers.info import DeviceInfo, Found
 
 FAILURES_HOLD_SECONDS = 24 * 3600.0
 """A record that holds a failure, or no device, is made anew after this long."""
@@ -32,7 +32,7 @@ _SETTINGS = re.compile(r"(POCL|CUDA|NVIDIA|HIP|ROCR|GPU|HSA|ZE|ONEAPI|SYCL|CL|OC
 """Variables that choose or change devices."""
 _NO_SETTINGS = ("POCL_CACHE_DIR", "POCL_DEBUG", "POCL_EXTRA_BUILD_FLAGS", "OCL_ICD_VENDORS")
 """Variables among them that don't, or that this library sets itself."""
-_MODULES = ("probe.py", "probe_timer.py", "probing.py", "pocl_cpu.py", "info.py")
+_MODULES = ("../probe.py", "probe_timer.py", "probing.py", "pocl_cpu.py", "info.py")
 """Files whose text decides what a record says."""
 
 
@@ -46,7 +46,7 @@ def record_file(driver: Path) -> Path:
         *settings(),
     ]
     here = Path(__file__)
-    parts += [here.with_name(name).read_text(encoding="utf-8") for name in _MODULES]
+    parts += [(here.parent / name).read_text(encoding="utf-8") for name in _MODULES]
     key = hashlib.sha256("\n".join(parts).encode()).hexdigest()[:16]
     return cache_folder() / f"devices-{key}.json"
 

@@ -17,9 +17,9 @@ from pathlib import Path
 
 from ssgi_cl.core.atomic import replacement
 from ssgi_cl.core.errors import DeviceError
-from ssgi_cl.device import probing, records
-from ssgi_cl.device.driver_caches import cache_folder
-from ssgi_cl.device.info import KERNEL_VARIANTS, DeviceInfo, Found, KernelVariant
+from ssgi_cl.device.drivers import probing, records
+from ssgi_cl.device.drivers.caches import cache_folder
+from ssgi_cl.device.drivers.info import KERNEL_VARIANTS, DeviceInfo, Found, KernelVariant
 
 __all__ = [
     "INSTALL",

@@ -11,7 +11,8 @@ from typing import Any
 
 import pytest
 
-from ssgi_cl.device import drivers, pocl_cpu
+from ssgi_cl.device import drivers
+from ssgi_cl.device.drivers import pocl_cpu
 from ssgi_cl.device.runtime import Runtime
 
 AVX2 = frozenset(("avx", *pocl_cpu._AVX2))

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from ssgi_cl.device import driver_caches
-from ssgi_cl.device.driver_caches import cache_folder, pocl_folder
+from ssgi_cl.device.drivers import caches as driver_caches
+from ssgi_cl.device.drivers.caches import cache_folder, pocl_folder
 
 NOWHERE = "/proc/nowhere"
 """Where nobody can make a file, whoever runs the tests."""

@@ -11,10 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from ssgi_cl.device import drivers, probe, probing
-from ssgi_cl.device.info import KERNEL_VARIANTS, DeviceInfo
-from ssgi_cl.device.probe_timer import speed_in_use
-from ssgi_cl.device.probing import Answers, consensus
+from ssgi_cl.device import drivers, probe
+from ssgi_cl.device.drivers import probing
+from ssgi_cl.device.drivers.info import KERNEL_VARIANTS, DeviceInfo
+from ssgi_cl.device.drivers.probe_timer import speed_in_use
+from ssgi_cl.device.drivers.probing import Answers, consensus
 from ssgi_cl.device.runtime import Runtime
 
 ENTRY = {"platform": 0, "device": 0, "label": "Test 1.0: chip", "kind": "cpu", "units": 2}

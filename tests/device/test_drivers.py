@@ -15,8 +15,9 @@ from click.testing import CliRunner
 
 from ssgi_cl.cli import command
 from ssgi_cl.core.errors import DeviceError
-from ssgi_cl.device import drivers, opencl, probing, records
-from ssgi_cl.device.info import KERNEL_VARIANTS, DeviceInfo, Found
+from ssgi_cl.device import drivers, opencl
+from ssgi_cl.device.drivers import probing, records
+from ssgi_cl.device.drivers.info import KERNEL_VARIANTS, DeviceInfo, Found
 from ssgi_cl.device.runtime import Runtime
 
 FORM = "16 lanes, buffer"

@@ -73,7 +73,7 @@ class VplTree:
         lights: what the tree is made of; without subsets. Parts of lights are not in the tree:
             near by, they shine in place of a light that is listed.
         near, cut: VPL_NEAR and VPL_CUT of kernels/vpl/light.clh.
-        walls: what blocks light; filled before `shine` is called.
+        occupancy: what blocks light; filled before `shine` is called.
         share: lights that share a shadow ray, one of `SHARES`.
 
     Attributes:
@@ -230,7 +230,7 @@ class VplTree:
             source: the surfaces that light falls on.
             samples: how many there are, and so many times row << 16 | column.
             most: of them, at most; `reserve` made room for so many.
-            shares: of the source's size.
+            fractions: of the source's size.
             result: 3 images likewise, W/m^2; other pixels stay as they are.
             values: members of the struct `VPL` that depend on the technique.
         """

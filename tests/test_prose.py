@@ -1,12 +1,14 @@
-"""The pages: words, links, examples, and names of files and functions that they state."""
+"""Pages, comments and docstrings: the files and names that they state, links, parts and examples."""
 
 from __future__ import annotations
 
+import importlib
 import io
 import re
 import subprocess
 import sys
 import tokenize
+from collections.abc import Collection
 from pathlib import Path
 
 import pytest
@@ -18,78 +20,12 @@ from ssgi_cl.techniques import catalogue
 
 ROOT = Path(__file__).parents[1]
 
-CLEAN = (
-    "README.md",
-    "ARCHITECTURE.md",
-    "CHANGELOG.md",
-    "kernels/README.md",
-    "docs/guide.md",
-    "docs/devices.md",
-    "docs/results.md",
-    "docs/limits.md",
-    "docs/indirect.md",
-    "docs/benchmark.md",
-    "docs/agreement.md",
-    "docs/summation.md",
-    *(f"docs/techniques/{path.name}" for path in sorted((ROOT / "docs/techniques").glob("*.md"))),
-)
-"""Pages that use none of `WORDS`."""
-
 PAGES = sorted(
     path.relative_to(ROOT).as_posix()
     for path in (*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), ROOT / "kernels/README.md")
 )
 
-WORDS = {
-    r"openness": "ambient occlusion (AO) value, visibility",
-    r"lamps?": "light",
-    r"roads?": "method",
-    r"(make|makes|takes?) room|room for": "reserve, memory budget",
-    r"the house": "the code base",
-    r"mends?|mended": "fix",
-    r"by the hour": "run-to-run range",
-    r"(in a )?slow hour": "on a slow run",
-    r"the same bits": "bit-identical",
-    r"twins?": "reference implementation",
-    r"walls?(?![- ](time|clock))": "visibility, occupancy grid, surfaces",
-    r"sight grid": "occupancy grid",
-    r"lines of sight": "shadow rays",
-    r"further (cameras?|views?)": "auxiliary cameras",
-    r"the lecture": "the published method, with paper and year",
-    r"the truth|the assumption": "reference, converged model",
-    r"withstands?": "tested inputs",
-    r"runs of (lights|triangles)": "clusters, batches",
-    r"calm": "unoccluded",
-    r"pace": "device speed model",
-    r"words of": "part of (a label)",
-    r"tend to|tends": "manage; converge",
-}
-"""What not to say -> what to say. Patterns match whole words outside of code."""
-
-CODE_WORDS = {
-    r"lamps?": "light, punctual light",
-    r"openness": "visibility",
-    r"pace": "speed model",
-    r"twins?": "numpy reference",
-    r"SightGrid": "OccupancyGrid",
-    r"FurtherViews|further (cameras?|views?)": "auxiliary cameras, views",
-    r"TileFacts": "TileSummary",
-    r"form_runtime|Form": "KernelVariant",
-    r"unbent|UNBENT": "no_second_difference",
-    r"(near|pair)_room": "capacity",
-    r"[Ss]ights?|sight_\w+": "view ray, visibility ray",
-    r"Occluder|Opener": "TiledOcclusion, OpenTileFinder",
-    r"tiles?[_ ](facts|calm)": "tile summary, interior tiles",
-    r"multires[_ ]rough": "multires_gradient",
-    r"vpl[_ ]runs": "vpl_partial_sums",
-    r"[A-Z]+_FACING": "LEAST_N_DOT_V, BOUNDS_NORMAL",
-}
-"""Words that neither identifiers nor comments nor texts of code use -> what to say."""
-
-OWN_WORDS = ("ssgi_cl/former_names.py", "tests/test_public_names.py", "tests/test_prose.py", "rasterize/scenes/")
-"""Sources with former names by intent, and scenes, where a lamp is a thing."""
-
-CODE = re.compile(r"^```.*?^```|^    .*?$|`[^`\n]*`", re.DOTALL | re.MULTILINE)
+NAME = r"[A-Za-z_]\w*"
 LINK = re.compile(r"(?<!`)!?\[[^\]]*\]\(([^)\s]+)\)")
 
 
@@ -97,80 +33,88 @@ def text(name: str) -> str:
     return (ROOT / name).read_text(encoding="utf-8")
 
 
-def found(page: str) -> list[str]:
-    """Return the words of `WORDS` in a page's prose, with what to say."""
-    prose = re.sub(r"\s+", " ", CODE.sub(" ", page))
-    return [
-        f"{match[0]!r}: say {better}"
-        for pattern, better in WORDS.items()
-        for match in re.finditer(rf"(?<![-\w.])(?:{pattern})(?![-\w])", prose, re.IGNORECASE)
-    ]
+def said_and_code(name: str) -> tuple[str, str]:
+    """Return what a file says to readers, in comments, docstrings or as a page, and its code."""
+    content = text(name)
+    if name.endswith(".md"):
+        return re.sub(r"^```.*?^```", "", content, flags=re.DOTALL | re.MULTILINE), ""
+    if name.endswith((".cl", ".clh")):
+        comment = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
+        return "\n".join(comment.findall(content)), comment.sub(" ", content)
+    if not name.endswith(".py"):
+        return "", content
+    parts: tuple[list[str], list[str]] = [], []
+    for token in tokenize.generate_tokens(io.StringIO(content).readline):
+        docstring = token.type == tokenize.STRING and token.line.lstrip().startswith('"""')
+        parts[not (docstring or token.type == tokenize.COMMENT)].append(token.string)
+    return "\n".join(parts[0]), " ".join(parts[1])
 
 
-@pytest.mark.parametrize("name", CLEAN)
-def test_pages_use_standard_words(name: str) -> None:
-    assert not found(text(name))
+def resolves(name: str) -> bool:
+    """Whether a name with dots is of a module or of what is in one; public names come first."""
+    owner = gi
+    try:
+        for part in name.split(".")[1:]:
+            owner = getattr(owner, part, None) or importlib.import_module(f"{owner.__name__}.{part}")
+    except ImportError:
+        return False
+    return True
 
 
-@pytest.mark.parametrize("word", ["Lamps", "by the\nhour", "a wall,", "the\nsame bits", "roads"])
-def test_words_are_found_in_prose_across_lines(word: str) -> None:
-    assert found(f"Some text with {word} in it.")
+def absent(said: str, *, kernel: bool, files: Collection[str], words: Collection[str]) -> list[str]:
+    """Return the files, functions, modules and parameters that a text names and that don't exist.
 
-
-@pytest.mark.parametrize("code", ["`lamp_taps` and `walls`", "```\nlamp\n```", "vpl-visibility.4096"])
-def test_words_in_code_and_names_of_cases_are_no_prose(code: str) -> None:
-    assert not found(f"Some text\n{code}\nand more.")
-
-
-ANY_CODE_WORD = re.compile("|".join(rf"\b(?:{pattern})\b" for pattern in CODE_WORDS))
-
-
-def found_in_code(source: str, *, python: bool) -> list[str]:
-    """Return the words of `CODE_WORDS` in identifiers, comments and texts of a source."""
-    parts = [source]
-    if python:
-        # Strings of one word may be keys of recorded files.
-        parts = [
-            token.string
-            for token in tokenize.generate_tokens(io.StringIO(source).readline)
-            if token.type in (tokenize.NAME, tokenize.COMMENT)
-            or (token.type == tokenize.STRING and " " in re.sub(r"\s", " ", token.string))
-        ]
-    flat = " | ".join(re.sub(r"\s+", " ", part) for part in parts)
-    if not ANY_CODE_WORD.search(flat):
-        return []
-    return [
-        f"{match[0]!r}: say {better}"
-        for pattern, better in CODE_WORDS.items()
-        for match in re.finditer(rf"\b(?:{pattern})\b", flat)
-        if flat[max(match.start() - 1, 0)] not in "-.`/"
-    ]
-
-
-def test_code_uses_standard_words() -> None:
-    names = subprocess.run(
-        ["git", "ls-files", "*.py", "*.pyi", "*.cl", "*.clh"], cwd=ROOT, capture_output=True, text=True, check=False
-    ).stdout.split()
-    if not names:
-        pytest.skip("not a git checkout")
-    said = {
-        name: found_in_code(text(name), python=".py" in name)
-        for name in names
-        if not name.startswith(OWN_WORDS) and (ROOT / name).exists()
+    In comments of kernels all words with an underscore are names, elsewhere those in backticks. A
+    letter or sum with an index is of a formula, CL_NAME of OpenCL; a folder or file in capitals stands for all.
+    """
+    quoted = re.findall(rf"`({NAME}(?:\.{NAME})*)(?:\(\))?`", said)
+    if kernel:
+        quoted += re.findall(r"(?<![\w./-])[a-z]\w+_\w+\b(?!\.\w)", said)
+    missing = {
+        name
+        for name in quoted
+        for word in name.split(".")
+        if word not in words and not re.fullmatch(r"([A-Za-z]\d?|sum|CL)(_\w+)?|[A-Z]+|\w+_", word)
     }
-    assert not {name: words for name, words in said.items() if words}
+    missing |= {name for name in re.findall(rf"`(ssgi_cl(?:\.{NAME})+)`", said) if not resolves(name)}
+    paths = re.findall(r"(?<![\w./<{*-])(\w[\w-]*/[\w./-]+\.(?:py|cl|clh|md|sh|json|toml))\b", said)
+    ends = {path[start:] for path in files for start in (0, *(i + 1 for i, c in enumerate(path) if c == "/"))}
+    missing |= {path for path in paths if path not in ends and not re.search(r"\b(test_)?[A-Z]+\b", path)}
+    return sorted(missing)
+
+
+@pytest.fixture(scope="module")
+def tracked() -> list[str]:
+    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=False).stdout
+    return [name for name in listed.split() if (ROOT / name).is_file()] or pytest.skip("not a git checkout")
+
+
+def test_comments_docstrings_and_pages_name_what_exists(tracked: list[str]) -> None:
+    kinds = (".py", ".cl", ".clh", ".md", ".json", ".sh", ".toml", "Makefile")
+    parts = {name: said_and_code(name) for name in tracked if name.endswith(kinds)}
+    words = {word for _, code in parts.values() for word in re.findall(NAME, code)}
+    words |= {word for name in tracked for word in (*Path(name).parts, Path(name).stem)}
+    found = {
+        name: absent(said, kernel=name.startswith("kernels/"), files=tracked, words=words)
+        for name, (said, _) in parts.items()
+        if name != "CHANGELOG.md"
+    }
+    assert not {name: names for name, names in found.items() if names}
 
 
 @pytest.mark.parametrize(
-    "source", ["lamp = 1", "def f(openness): ...", "# of a lamp", '"""The numpy\ntwin."""', "x.pace = 2"]
+    ("said", "kernel"),
+    [
+        ("// from slices_near", True),
+        ("see `walls_of()`", False),
+        ("`ssgi_cl.device.walls`", False),
+        ("in kernels/a.clh.", True),
+    ],
 )
-def test_words_are_found_in_python(source: str) -> None:
-    assert found_in_code(source, python=True)
-
-
-def test_words_are_found_in_kernels() -> None:
-    assert found_in_code("float lamps = 0.0f; // of all", python=False)
-    assert not found_in_code("float lights = 0.0f;", python=False)
+def test_a_name_of_nothing_is_found(said: str, kernel: bool) -> None:
+    words = {"ssgi_cl", "device", "walls", "slices_far"}
+    assert absent(said, kernel=kernel, files=["kernels/b.clh"], words=words)
+    assert not absent("slices_far of x_i in `walls`, kernels/b.clh", kernel=True, files=["kernels/b.clh"], words=words)
 
 
 def test_readme_is_short() -> None:
@@ -199,23 +143,14 @@ def test_every_page_can_be_reached_from_readme() -> None:
     assert reached == set(PAGES)
 
 
-def test_walks_and_pages_name_what_exists() -> None:
+def test_walks_name_what_exists() -> None:
     page = text("ARCHITECTURE.md")
     rows = re.findall(r"^\| [^|]+ \| `([^`]+)` \| `(\w+)` \|$", page, re.MULTILINE)
     assert len(rows) >= 16
-    absent = [
+    missing = [
         (path, name)
         for path, name in rows
         if not re.search(rf"(def|class|void|vfloat|bool|^) ?{name}\b", text(path), re.MULTILINE)
-    ]
-    assert not absent
-    paths = re.compile(r"`((?:ssgi_cl|kernels|tests|tools|bench|docs)/[\w/.-]+\.[a-z]+)`")
-    missing = [
-        (page, path)
-        for page in CLEAN
-        if page != "CHANGELOG.md"
-        for path in paths.findall(text(page))
-        if "NAME" not in path and not (ROOT / path).exists()
     ]
     assert not missing
 

@@ -13,7 +13,7 @@
 //          surface covers what lies between its ends, cut off exactly at the radius; only a tap
 //          that is joined to none before it has a thickness: the same for all, or that of its
 //          pixel (SLICES_THICKNESS), no farther than the next layer (SLICES_NEXT).
-// Reads:   inv_depth    SLICES_LAYERS x [rows, 4 stride] with margin, from slices_near
+// Reads:   inv_depth    SLICES_LAYERS x [rows, 4 stride] with margin, from slices_inv_depth
 //          normal  3 x [rows, columns] with margin, view space, unit length
 //          table   [4 rows][4 columns][SLICES_COUNT][3 + SLICES_TAPS], see common/slices.clh
 // Writes:  visibility [rows, columns] without margin, A in [0, 1]; 1 where nothing is

@@ -13,7 +13,7 @@
 //              (cos g (1 - cos^3 h) + sin g sin^3 h) / 3,
 //              (cos g sin^3 h + sin g (2 - 3 cos h + cos^3 h)) / 3.
 //          Stored is the bend, what to add to n: blurred, it leaves the detail of normals alone.
-// Reads:   inv_depth    SLICES_LAYERS x [rows, 4 stride] with margin, from slices_near
+// Reads:   inv_depth    SLICES_LAYERS x [rows, 4 stride] with margin, from slices_inv_depth
 //          normal  3 x [rows, columns] with margin, view space, unit length
 //          table   [4 rows][4 columns][SLICES_COUNT][3 + SLICES_TAPS], see common/slices.clh
 // Writes:  visibility [rows, columns] without margin, A in [0, 1]; 1 where nothing is; with

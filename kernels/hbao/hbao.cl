@@ -7,7 +7,7 @@
 // Departs: elevations are above the plane across the view ray, not the image plane, so that
 //          A is right off the axis too; directions weigh by the azimuth that they stand for; the
 //          sum is over what they could hide, which makes good the bias.
-// Reads:   inv_depth    SLICES_LAYERS x [rows, 4 stride] with margin, from slices_near
+// Reads:   inv_depth    SLICES_LAYERS x [rows, 4 stride] with margin, from slices_inv_depth
 //          normal  3 x [rows, columns] with margin, view space, unit length
 //          table   [4 rows][4 columns][SLICES_COUNT][3 + SLICES_TAPS], see common/slices.clh
 // Writes:  visibility [rows, columns] without margin, A in [0, 1]; 1 where nothing is

@@ -7,10 +7,10 @@
 //          3 x 3 taps have the weights of a tent, its middle 1; those without light count 0,
 //          corners also where neither of the two edges beside them has any; what is left is
 //          renormalised. Texels without light of either level stay so: no halo.
-// Reads:   coarse_values, coarse_shares  3 x and 1 x [rows, columns] of the coarser level: light in
-//                W/m^2 and 1 where there is any, else 0
-//          fine_values, fine_shares  likewise of the level's own subsplats
-// Writes:  values, shares  likewise, of both
+// Reads:   coarse_values, coarse_fractions  3 x and 1 x [rows, columns] of the coarser level: light
+//                in W/m^2 and 1 where there is any, else 0
+//          fine_values, fine_fractions  likewise of the level's own subsplats
+// Writes:  values, fractions  likewise, of both
 // Params:  coarse_size = (columns, rows)
 // Launch:  SSGI_LANES texels of a row per work-item
 // Cost:    72 reads and a division per texel

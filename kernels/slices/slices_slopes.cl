@@ -10,9 +10,9 @@
 //
 // Reads:   depth   SLOPES_LAYERS x [rows, columns] with margin, scene units; INFINITY for nothing
 //          normal  3 SLOPES_NORMALS x likewise, view space, unit length, on either side
-// Writes:  slopes  2 SLOPES_LAYERS x [rows, 4 stride], where slices_near puts the pixels: change of
-//                  `inv_depth` along columns, then along rows, per slope of the view ray
-//                  (perspective) or per pixel's width (orthographic); 0 where nothing is
+// Writes:  slopes  2 SLOPES_LAYERS x [rows, 4 stride], where slices_inv_depth puts the pixels:
+//                  change of `inv_depth` along columns, then along rows, per slope of the view
+//                  ray (perspective) or per pixel's width (orthographic); 0 where nothing is
 // Macros:  SLOPES_LAYERS (>= 1), SLOPES_NORMALS (1 to SLOPES_LAYERS): layers that have normals
 // Launch:  SSGI_LANES floats of a row of `slopes` per work-item
 // Cost:    4 reads and 2 writes per pixel and layer with normals, 9 and 2 without

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 // slices_sorted: images as the scan of slices reads them beside depth, at full size or less.
 //
-// Takes the same pixels as slices_near and puts them where that does: each row is sorted by column
-// modulo 4.
+// Takes the same pixels as slices_inv_depth and puts them where that does: each row is sorted by
+// column modulo 4.
 //
 // Reads:   images  SORTED_COUNT x [rows, columns] with margin
 // Writes:  sorted  [rows, 4 stride], images first_image to first_image + SORTED_COUNT - 1, column c

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: MIT
 // ssdo_split: direct light and the bounce of each pixel, from what was gathered and from lights.
 //
-// direct = lights + sky + A sky_constant; bounce is what was gathered.
+// direct = punctual_lights + sky + A times the light of constant environments; bounce is what was
+// gathered.
 // Reads:   depth     image 0, with margin; INFINITY where nothing is
 //          gathered  A; from image SPLIT_FIRST on 3 of the sky's irradiance (SPLIT_SKY 1), 3 of the
 //                    bounce's (SPLIT_BOUNCE 1), W/m^2
-//          lights     3 images, W/m^2, with a margin of its own (SPLIT_LIGHTS 1)
+//          punctual_lights  3 images, W/m^2, with a margin of its own (SPLIT_LIGHTS 1)
 // Writes:  direct, bounce  3 x [rows, columns] W/m^2; 0 where nothing is; bounce with
 //          SPLIT_BOUNCE 1
 // Macros:  SPLIT_GATHERED (whether there is `gathered` at all: else A is 1 and the bounce 0),
@@ -18,7 +19,7 @@
 
 #if !defined(SPLIT_GATHERED) || !defined(SPLIT_SKY) || !defined(SPLIT_BOUNCE) ||                   \
     !defined(SPLIT_LIGHTS) || !defined(SPLIT_FIRST)
-#error "SPLIT_GATHERED, _SKY, _BOUNCE, _LAMPS and _FIRST must be defined by the host"
+#error "SPLIT_GATHERED, _SKY, _BOUNCE, _LIGHTS and _FIRST must be defined by the host"
 #endif
 
 __kernel void ssdo_split(ssgi_plane depth,

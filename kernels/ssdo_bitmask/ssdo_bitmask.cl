@@ -15,7 +15,7 @@
 // Sky:     The open part of each of BITMASK_CONES equal steps of the sine from the normal is lit by
 //          the direction in its middle, from a map that is filtered to the width of a step.
 // Bent:    Hidden directions are looked up in BITMASK_BENT cones likewise, see bend.clh.
-// Reads:   inv_depth    SLICES_LAYERS x [rows, 4 stride] with margin, from slices_near
+// Reads:   inv_depth    SLICES_LAYERS x [rows, 4 stride] with margin, from slices_inv_depth
 //          normal  3 x [rows, columns] with margin, view space, unit length
 //          table   [4 rows][4 columns][SLICES_COUNT][3 + SLICES_TAPS], see common/slices.clh
 //          slopes  2 SLICES_LAYERS x likewise, from slices_slopes

@@ -30,7 +30,7 @@ def view_importance_reference(rsm: ReflectiveShadowMap, gbuffer: GBuffer, occupa
     Args:
         rsm: the map.
         gbuffer: what the camera sees.
-        walls: what blocks light, in view space.
+        occupancy: what blocks light, in view space.
     """
     view, rows, columns = gbuffer.camera.view, *gbuffer.size
     turn = view[:3, :3].T

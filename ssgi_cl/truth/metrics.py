@@ -59,6 +59,7 @@ def psnr(image: ArrayLike, truth: ArrayLike, mask: ArrayLike | None = None, *, p
     """Return 20 log10(peak / rmse) in dB; infinite where nothing differs.
 
     Args:
+        image, truth, mask: as in `rmse`.
         peak: the largest value of a signal, > 0: 1 for occlusion.
     """
     peak = checks.number("peak", peak, low=0, above=True)
@@ -81,6 +82,7 @@ def ssim(image: ArrayLike, truth: ArrayLike, mask: ArrayLike | None = None, *, p
     don't, and those outside the image, have no weight in them. K1 = 0.01, K2 = 0.03.
 
     Args:
+        image, truth, mask: as in `rmse`.
         peak: range of the values, > 0: 1 for occlusion.
     """
     peak = checks.number("peak", peak, low=0, above=True)

@@ -157,7 +157,7 @@ def confirm(info: DeviceInfo, variant: KernelVariant, speed: Callable[[], float]
     time is what is hard to measure, and clocks of cards rise with use.
 
     Args:
-        info, form: the device and the variant in use.
+        info, variant: the device and the variant in use.
         speed: measures it, in million reads a second.
     """
     recorded = info.speeds.get(str(variant))

@@ -230,7 +230,7 @@ class VplTree:
             source: the surfaces that light falls on.
             samples: how many there are, and so many times row << 16 | column.
             most: of them, at most; `reserve` made room for so many.
-            shares: of the source's size.
+            fractions: of the source's size.
             result: 3 images likewise, W/m^2; other pixels stay as they are.
             values: members of the struct `VPL` that depend on the technique.
             occupancy: what blocks light, if this was made with a grid.

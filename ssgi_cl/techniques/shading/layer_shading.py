@@ -71,8 +71,8 @@ class LitLayers:
         layers: depth layers of the G-buffers.
         attributes: layers of them that have normals, albedo and emission: 1, or all by default.
             The rest is dark.
-        lights: makes what lights a layer of size `whole`; by default `PunctualLights` that keep
-        nothing.
+        punctual_lights: makes what lights a layer of size `whole`; by default `PunctualLights` that
+            keep nothing.
         emission: whether surfaces send what they emit too.
         backs: whether the sides that the camera doesn't see are lit too. What is closed turns the
             outer side of every other layer away from the camera.

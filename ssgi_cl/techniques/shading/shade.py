@@ -46,7 +46,7 @@ class Shade(Prepared[ShadeParams]):
         runtime: the device.
         size: (rows, columns) of the images.
         params: see `ShadeParams`.
-        lights: whether `light` will be called.
+        punctual_lights: whether `light` will be called.
     """
 
     def __init__(

@@ -100,7 +100,7 @@ def auto_exposure(radiance: NDArray[np.float32], region: Region | None = None) -
     Args:
         radiance: [rows, columns, 3], linear, any strides. Pixels of luminance 0 don't count; 1 if
             all are 0.
-        window: pixels outside of which all are the same; this changes no bit.
+        region: pixels outside of which all are the same; this changes no bit.
     """
     # Every third row and column: the mean of a log changes by less than the eye can tell.
     picked = radiance[::3, ::3]

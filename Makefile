@@ -101,7 +101,7 @@ figures-render: setup
 	$(BIN)/python -m ssgi_cl.bench.figures --render
 
 figures-agreement: setup
-	$(BIN)/python -m ssgi_cl.bench.agreement
+	$(BIN)/python -m ssgi_cl.bench.experiments.agreement
 
 format: setup
 	$(BIN)/ruff format .

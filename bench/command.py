@@ -17,7 +17,7 @@ from ssgi_cl.truth import store
 from ssgi_cl.tuning.context import TruthSettings
 from ssgi_cl.tuning.measured_scenes import views_of
 
-from . import compare, document, front, report, suite, summary, table
+from . import compare, document, front, suite, summary, table
 from .cases import FAMILIES, OWN
 from .frame.command import frame_command
 from .options import (
@@ -122,7 +122,6 @@ class _BenchCommand(click.Command):
 @_points
 @_attenuation
 @output_option
-@click.option("--html", type=click.Path(path_type=Path), help="Write the report, .html.")
 @click.option(
     "--markdown", type=click.Path(path_type=Path), help="Write a summary, .md, with plots and pictures beside it."
 )
@@ -148,7 +147,6 @@ def bench_command(
     no_errors: bool,
     own: bool,
     output: Path | None,
-    html: Path | None,
     markdown: Path | None,
     only_list: bool,
     compared: tuple[Path, Path] | None,
@@ -165,7 +163,7 @@ def bench_command(
     if compared:
         _compare(*compared)
         return
-    for path, suffix in ((output, ".json"), (html, ".html"), (markdown, ".md")):
+    for path, suffix in ((output, ".json"), (markdown, ".md")):
         check_output(path, suffix)
     families = OWN if own else FAMILIES
     with human_errors():
@@ -192,8 +190,6 @@ def bench_command(
         doc = {**document.stamp(runtime), **suite.entries(found, settings, seconds)}
         if output is not None:
             document.write(output, doc)
-        if html is not None:
-            report.write(html, doc, found.pictures)
         if markdown is not None:
             summary.write(markdown, doc, found.pictures)
     if as_json:
@@ -204,7 +200,7 @@ def bench_command(
         reasons = sorted({entry["reason"] for entry in found.skipped})
         click.echo(f"Error: nothing was measured: {'; '.join(reasons)}", err=True)
         sys.exit(1)
-    for path in (output, html, markdown):
+    for path in (output, markdown):
         if path is not None:
             click.echo(f"wrote {path}", err=True)
 

@@ -1,13 +1,9 @@
-"""Results and their errors as pictures that a page can hold in itself."""
+"""Results and their errors as pictures."""
 
 from __future__ import annotations
 
-import base64
-import io
-
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from ssgi_cl.io.previews import share_view
 from ssgi_cl.reference.tonemap import encoded_reference
@@ -16,8 +12,6 @@ from ssgi_cl.techniques.shading.tonemap import auto_exposure
 Floats = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
-QUALITY = 85
-"""Of results and truths as WebP, of 100."""
 OCCLUSION_RANGE = 0.25
 """Difference of A at the ends of an error map's scale."""
 LIGHT_RANGE = 0.5
@@ -63,11 +57,6 @@ def encoded(image: Floats, exposure: float) -> NDArray[np.uint8]:
     return np.rint(encoded_reference(image, exposure)).astype(np.uint8)
 
 
-def picture(image: Floats, exposure: float) -> str:
-    """Return what `encoded` returns as a data URI of WebP."""
-    return _uri(encoded(image, exposure), quality=QUALITY, method=4)
-
-
 def error_colors(image: Floats, truth: Floats, seen: Mask) -> NDArray[np.uint8]:
     """Return [rows, columns, 3]: blue is too dark, orange too bright, grey not compared.
 
@@ -88,18 +77,5 @@ def error_colors(image: Floats, truth: Floats, seen: Mask) -> NDArray[np.uint8]:
     return colors
 
 
-def error_map(image: Floats, truth: Floats, seen: Mask) -> str:
-    """Return what `error_colors` returns as a data URI of WebP."""
-    # Without loss, so that a colour says which step of the scale it is.
-    return _uri(error_colors(image, truth, seen), lossless=True, quality=50, method=4)
-
-
 def _finite(image: Floats) -> Floats:
     return np.nan_to_num(image, nan=0.0, posinf=0.0, neginf=0.0)
-
-
-def _uri(encoded: NDArray[np.uint8], **options: int | bool) -> str:
-    stream = io.BytesIO()
-    Image.fromarray(encoded).save(stream, format="WEBP", **options)
-    packed = base64.b64encode(stream.getvalue()).decode("ascii")
-    return f"data:image/webp;base64,{packed}"

@@ -13,6 +13,31 @@ from .wording import number, short_name, unit
 
 WIDTH, HEIGHT = 760, 420
 LEFT, RIGHT, TOP, BOTTOM = 66, 24, 14, 48
+PLOT_STYLE = """
+:root { color-scheme: light dark; --page: #fcfcfa; --text: #1b1c1e; --soft: #5b5f66;
+  --rule: #d9d9d4; --grid: #e7e7e2; --panel: #f3f3ee; --front: #8a8d92; --mark: #0072b2;
+  --c0: #0072b2; --c1: #c04a00; --c2: #00815c; --c3: #b0568b; --c4: #946800; --c5: #6b4fc0;
+  --c6: #4c4c4c; }
+@media (prefers-color-scheme: dark) { :root { --page: #16181b; --text: #e6e6e3; --soft: #a0a5ad;
+  --rule: #3a3e44; --grid: #272a2f; --panel: #1f2226; --front: #7d828a; --mark: #5ab4f0;
+  --c0: #5ab4f0; --c1: #ff8a4a; --c2: #3fcf9f; --c3: #e29ac6; --c4: #f0b432; --c5: #b8a6ff;
+  --c6: #c9c9c9; } }
+.c0 { color: var(--c0); } .c1 { color: var(--c1); } .c2 { color: var(--c2); }
+.c3 { color: var(--c3); } .c4 { color: var(--c4); } .c5 { color: var(--c5); }
+.c6 { color: var(--c6); }
+svg.plot { display: block; width: 100%; max-width: 56rem; height: auto; }
+svg text { font: 12px system-ui, sans-serif; fill: currentColor; }
+svg .middle { text-anchor: middle; } svg .end { text-anchor: end; }
+svg > text { fill: var(--soft); } svg > text.name { fill: var(--text); }
+svg path { fill: none; }
+svg .grid { stroke: var(--grid); } svg .axis { stroke: var(--soft); }
+svg .front { stroke: var(--front); stroke-width: 7; stroke-opacity: .35; stroke-linejoin: round; }
+svg .line { stroke: currentColor; stroke-width: 1.8; } svg .dashed { stroke-dasharray: 5 4; }
+svg .spread { stroke: currentColor; stroke-width: 1.2; }
+svg .point { fill: currentColor; stroke: var(--page); stroke-width: 1; }
+svg .unsteady { fill: var(--page); stroke: currentColor; stroke-width: 2; }
+"""
+"""Style sheet of a plot, by day and by night."""
 COLORS = 7
 """Of families, as the style sheet numbers them."""
 MARKERS = (
@@ -96,16 +121,6 @@ def plot(
     return (
         f'<svg class="plot" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" '
         f'aria-label="{escape(title)}: RMSE over time, both logarithmic">{"".join(parts)}</svg>'
-    )
-
-
-def swatch(look: tuple[int, int, bool]) -> str:
-    """Return the SVG element that stands for a family in a legend."""
-    color, marker, dashed = look
-    return (
-        f'<svg class="swatch c{color}" viewBox="-16 -8 32 16" aria-hidden="true">'
-        f'<path class="{"line dashed" if dashed else "line"}" d="M-15 0H15"/>'
-        f'<path class="point" d="{MARKERS[marker]}"/></svg>'
     )
 
 

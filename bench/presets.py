@@ -235,6 +235,26 @@ def _rounded(value: Any) -> Any:
     return float(f"{value:.4g}") if isinstance(value, float) else value
 
 
+def written_as(value: Any, indent: str = "") -> str:
+    """Return a document as JSON in which each setting, scene or view is one line.
+
+    An object or list is broken into lines only if it does not fit in one or holds settings.
+    """
+    line = json.dumps(value)
+    if not isinstance(value, (dict, list)) or len(line) <= 100 or _is_one(value):
+        return line
+    inner = indent + " "
+    if isinstance(value, dict):
+        parts = [f"{inner}{json.dumps(key)}: {written_as(item, inner)}" for key, item in value.items()]
+        return "{\n" + ",\n".join(parts) + f"\n{indent}}}"
+    return "[\n" + ",\n".join(inner + written_as(item, inner) for item in value) + f"\n{indent}]"
+
+
+def _is_one(value: Any) -> bool:
+    """Return whether this is a setting with its figures, or a scene with its views."""
+    return isinstance(value, dict) and not value.keys().isdisjoint(("parameters", "digest"))
+
+
 @click.command()
 @click.argument("technique", type=click.Choice(sorted(TECHNIQUES)))
 @device_option
@@ -274,7 +294,7 @@ def main(technique: str, device: str | None, meshes: Path | None, output: Path |
         result = record_presets(technique, sets, progress=report)
     path = output or Path(presets.__file__).parent / f"{technique}.json"
     with replacement(path) as file:
-        file.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+        file.write_text(written_as(result) + "\n", encoding="utf-8")
     table = Table("layers", "preset", "ms", *SETS, "parameters", title=result["device"])
     for entry in result["layers"]:
         rows = {

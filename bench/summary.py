@@ -17,8 +17,7 @@ from .document import Group, groups, metric
 from .guide import guides
 from .peers import PEERS
 from .pictures import OCCLUSION_RANGE, encoded, error_colors, exposure_of
-from .plot import HEIGHT, LEFT, MARKERS, WIDTH, looks, plot
-from .report_page import PLOT_STYLE
+from .plot import HEIGHT, LEFT, MARKERS, PLOT_STYLE, WIDTH, looks, plot
 from .verdict import verdict
 from .wording import (
     calibration_line,

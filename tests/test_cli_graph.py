@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 from typing import Any
 
@@ -31,12 +30,12 @@ def states(text: str) -> dict[str, str]:
 
 
 def test_the_ending_chooses_what_is_written(tmp_path: Path) -> None:
-    assert ElementTree.fromstring(drawn(tmp_path / "a.svg")).tag.endswith("svg")
+    assert drawn(tmp_path / "a.mmd").startswith("flowchart TD\n")
     assert drawn(tmp_path / "a.dot").startswith("digraph frame {")
     record = json.loads(drawn(tmp_path / "a.JSON"))
     assert record["stages"][0]["name"] == "G-buffer"
     assert record["stages"][0]["ms"] > 0.0
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.JSON", "a.dot", "a.svg"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.JSON", "a.dot", "a.mmd"]
 
 
 def test_outputs_cull_what_they_do_not_need(tmp_path: Path) -> None:
@@ -90,13 +89,13 @@ def test_skips_of_a_stage_are_in_its_entry(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (("-o", "graph.png"), "--output is graph.png: expected a name that ends in .svg or .dot or .json"),
-        (("-o", "nowhere/graph.svg"), "there is no folder nowhere"),
+        (("-o", "graph.png"), "--output is graph.png: expected a name that ends in .dot or .mmd or .json"),
+        (("-o", "nowhere/graph.mmd"), "there is no folder nowhere"),
         (
-            ("-o", "graph.svg", "--outputs", "depth"),
+            ("-o", "graph.mmd", "--outputs", "depth"),
             "outputs has 'depth': expected names out of 'image', 'radiance', 'ao', 'indirect', 'gbuffer'",
         ),
-        (("-o", "graph.svg", "--layers", "0"), "layers is 0"),
+        (("-o", "graph.mmd", "--layers", "0"), "layers is 0"),
     ],
     ids=str,
 )

@@ -23,6 +23,10 @@ def project() -> dict[str, Any]:
         return tomllib.load(file)
 
 
+EXPERIMENTS = "ssgi_cl.bench.experiments"
+"""Runs from a clone alone."""
+
+
 def folders_of(tool: dict[str, Any]) -> dict[str, Path]:
     """Package name -> folder, for every folder in the repository that holds a package."""
     roots = {"ssgi_cl": ROOT / "ssgi_cl"}
@@ -37,7 +41,7 @@ def folders_of(tool: dict[str, Any]) -> dict[str, Path]:
 
 def test_every_package_folder_is_listed(project: dict[str, Any]) -> None:
     tool = project["tool"]["setuptools"]
-    assert sorted(tool["packages"]) == sorted(folders_of(tool))
+    assert sorted([*tool["packages"], EXPERIMENTS]) == sorted(folders_of(tool))
 
 
 def test_every_folder_of_python_files_is_a_package(project: dict[str, Any]) -> None:
@@ -90,12 +94,12 @@ def test_wheel_and_sdist_hold_the_kernels_and_no_other_import_name(project: dict
     for package, folder in folders_of(project["tool"]["setuptools"]).items():
         inside = package.replace(".", "/")
         modules = {f"{inside}/{file.name}" for file in folder.glob("*.py")}
-        assert modules <= names
+        assert not modules & names if package == EXPERIMENTS else modules <= names
 
     with tarfile.open(sdist) as archive:
         members = {name.split("/", 1)[1] for name in archive.getnames() if "/" in name}
     for part in ("kernels", "ssgi_cl", "rasterize", "bench"):
         for path in (source / part).rglob("*"):
-            if path.suffix in (".py", ".cl", ".clh"):
+            if path.suffix in (".py", ".cl", ".clh") and path.parent.name != "experiments":
                 assert path.relative_to(source).as_posix() in members
     assert {"README.md", "LICENSE", "pyproject.toml"} <= members

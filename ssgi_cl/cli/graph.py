@@ -14,7 +14,7 @@ from ssgi_cl.frame.render import render
 from ssgi_cl.frame.skips import OUTPUTS, SKIPS, chosen_outputs
 from ssgi_cl.io.console import checked_output, human_errors, printable, progress
 
-WRITERS = {".svg": GraphRecord.to_svg, ".dot": GraphRecord.to_dot, ".json": GraphRecord.to_json}
+WRITERS = {".dot": GraphRecord.to_dot, ".mmd": GraphRecord.to_mermaid, ".json": GraphRecord.to_json}
 _NOT_SHARED = ("output", "views", "explain", "as_json", "scene")
 """Parameters of `ssgi render` that do not shape a frame, or that this command has itself."""
 
@@ -26,7 +26,7 @@ _NOT_SHARED = ("output", "views", "explain", "as_json", "scene")
     "--output",
     required=True,
     type=click.Path(path_type=Path),
-    help="The graph: .svg for a picture, .dot for Graphviz, .json for all numbers.",
+    help="The graph: .dot for Graphviz, .mmd for Mermaid, .json for all numbers.",
 )
 @click.option(
     "--outputs",

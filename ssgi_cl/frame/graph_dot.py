@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ssgi_cl.frame.graph_layout import mebibytes
-
 if TYPE_CHECKING:
     from ssgi_cl.frame.record import GraphRecord
 
@@ -40,6 +38,11 @@ def dot(record: GraphRecord) -> str:
         lines += [f"  {_quoted(name)} -> {node} [style=dashed];" for name in stage.hints]
         lines += [f"  {node} -> {_quoted(name)};" for name in stage.writes]
     return "\n".join([*lines, "}"]) + "\n"
+
+
+def mebibytes(size: int) -> str:
+    """Return a number of bytes in MiB, or KiB where that is less than a tenth."""
+    return f"{size / 2**20:.1f} MiB" if size >= 2**20 / 10 else f"{size / 2**10:.1f} KiB"
 
 
 def _quoted(text: str) -> str:

@@ -11,7 +11,7 @@ from ssgi_cl.device.arrays import DeviceArray, Plane
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.timing import PassTime
 from ssgi_cl.frame.graph_dot import dot
-from ssgi_cl.frame.graph_svg import svg
+from ssgi_cl.frame.graph_mermaid import mermaid
 
 STATES = {
     "ran": "ran",
@@ -144,9 +144,9 @@ class GraphRecord:
         """Return the graph in the language of Graphviz: stages are boxes, resources ellipses."""
         return dot(self)
 
-    def to_svg(self) -> str:
-        """Return a picture of the graph, and of how long each resource is needed."""
-        return svg(self)
+    def to_mermaid(self) -> str:
+        """Return the graph in the language of Mermaid: stages are boxes, resources rounded."""
+        return mermaid(self)
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssgi_cl.bench import agreement
-from ssgi_cl.bench.agreement import NOT_IN_TIME, TOLERANCE, Run, difference, fits, report, runs
 from ssgi_cl.bench.every import TECHNIQUES
+from ssgi_cl.bench.experiments import agreement
+from ssgi_cl.bench.experiments.agreement import NOT_IN_TIME, TOLERANCE, Run, difference, fits, report, runs
 from ssgi_cl.device.drivers import DeviceInfo, KernelVariant
 
 ONE = [np.linspace(0.5, 1.5, 10)]

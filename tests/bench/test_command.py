@@ -31,9 +31,9 @@ def bench(*arguments: str, status: int = 0) -> Result:
     return ssgi("bench", *arguments, *QUICK, "--seconds", "0.05", status=status)
 
 
-def test_a_case_is_measured_and_written_as_json_and_html(tmp_path: Path) -> None:
-    paths = tmp_path / "found.json", tmp_path / "found.html"
-    shown = bench("ssao.4", "-o", str(paths[0]), "--html", str(paths[1])).output
+def test_a_case_is_measured_and_written_as_json_and_markdown(tmp_path: Path) -> None:
+    paths = tmp_path / "found.json", tmp_path / "found.md"
+    shown = bench("ssao.4", "-o", str(paths[0]), "--markdown", str(paths[1])).output
     assert "ssao.4" in shown
     document = json.loads(paths[0].read_text())
     assert [result["name"] for result in document["results"]] == ["ssao.4.cornell_box.40x30"]
@@ -85,7 +85,7 @@ def test_a_result_compared_with_itself_is_no_worse_and_a_slower_one_fails(tmp_pa
         (["ssao.4", "--size", "800"], "expected COLUMNSxROWS"),
         (["ssao.4", "--size", "0x600"], "expected COLUMNSxROWS"),
         (["ssao.4", "-o", "found.txt"], "expected a name that ends in .json"),
-        (["ssao.4", "--html", "nowhere/found.html"], "there is no folder nowhere"),
+        (["ssao.4", "--markdown", "nowhere/found.md"], "there is no folder nowhere"),
         (["ssao.4", "--device", "no such thing"], "no such OpenCL device"),
         (["--compare", "no.json", "no.json"], "no.json"),
     ],

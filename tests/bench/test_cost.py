@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from click.testing import CliRunner
 
-from ssgi_cl.bench.cost import Cost, costs, main, table
+from ssgi_cl.bench.experiments.cost import Cost, costs, main, table
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import cornell_box
 

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 import ssgi_cl as gi
-from ssgi_cl.bench import scan_lights
-from ssgi_cl.bench.defaults import SCANS, front, scan_work, work_table
-from ssgi_cl.bench.scan import Measured, Scan, replaced
-from ssgi_cl.bench.scan_lights import multires_errors, splat_errors
-from ssgi_cl.bench.scan_shadows import shadow_errors
-from ssgi_cl.bench.scan_views import view_errors
+from ssgi_cl.bench.experiments import scan_lights
+from ssgi_cl.bench.experiments.defaults import SCANS, front, scan_work, work_table
+from ssgi_cl.bench.experiments.scan import Measured, Scan, replaced
+from ssgi_cl.bench.experiments.scan_lights import multires_errors, splat_errors
+from ssgi_cl.bench.experiments.scan_shadows import shadow_errors
+from ssgi_cl.bench.experiments.scan_views import view_errors
 from ssgi_cl.bench.scene_sets import SETS, SceneSets
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES

@@ -9,8 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from ssgi_cl.bench import calls, cases, defaults, figure_tables
+from ssgi_cl.bench import calls, cases, figure_tables
 from ssgi_cl.bench.discover import declared
+from ssgi_cl.bench.experiments import defaults
 from ssgi_cl.techniques.catalogue import CATALOGUE
 from ssgi_cl.techniques.technique import Bench
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from ssgi_cl.bench import front, report, suite, summary, table
+from ssgi_cl.bench import front, suite, summary, table
 from ssgi_cl.bench.cases import FAMILIES
 from ssgi_cl.bench.plot import looks, plot
 from ssgi_cl.device.runtime import Runtime
@@ -77,5 +77,3 @@ def test_a_floor_has_errors_and_no_time_in_every_table(tmp_path: Any) -> None:
     assert "0.0700" in shown
     page, *_ = summary.write(tmp_path / "page.md", document, {})
     assert "| floor.1 | - | - | - | 0.0700 |" in page.read_text(encoding="utf-8")
-    report.write(tmp_path / "page.html", document, {})
-    assert "0 to 0" not in (tmp_path / "page.html").read_text(encoding="utf-8")

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from ssgi_cl.bench.gain import Gain, gains, main, table
+from ssgi_cl.bench.experiments.gain import Gain, gains, main, table
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import cornell_box
 from ssgi_cl.tuning.context import Context, TruthSettings

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from ssgi_cl.bench import presets as module
-from ssgi_cl.bench.defaults import scan, settings
+from ssgi_cl.bench.experiments.defaults import scan, settings
 from ssgi_cl.bench.presets import (
     GAIN,
     SLOWER,

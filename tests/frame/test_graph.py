@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
 import json
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
 from typing import Any
 
@@ -387,7 +385,7 @@ def test_a_renderer_has_a_graph_before_its_first_frame(runtime: Runtime) -> None
     assert "planned" in record.to_json()
 
 
-def test_the_record_is_written_as_json_dot_and_svg(runtime: Runtime) -> None:
+def test_the_record_is_written_as_json_dot_and_mermaid(runtime: Runtime) -> None:
     record = frame_and_record(runtime)[1].graph
     text = json.loads(record.to_json())
     assert set(text) == {"device", "outputs", "memory", "stages", "resources"}
@@ -409,22 +407,13 @@ def test_the_record_is_written_as_json_dot_and_svg(runtime: Runtime) -> None:
     )
     dot = record.to_dot()
     assert dot.count(" -> ") == sum(len(s["reads"]) + len(s["hints"]) + len(s["writes"]) for s in text["stages"])
-    root = ElementTree.fromstring(record.to_svg())
-    words = [element.text for element in root.iter() if element.text]
-    for number, stage in enumerate(record.stages, start=1):
-        assert f"{number}  {stage.name}" in words
-    width, height = float(root.attrib["width"]), float(root.attrib["height"])
-    for element in root.iter("{http://www.w3.org/2000/svg}rect"):
-        assert 0.0 <= float(element.get("x", 0)) <= width - float(element.attrib["width"])
-        assert 0.0 <= float(element.get("y", 0)) <= height - float(element.attrib["height"])
-    boxes = [
-        tuple(float(element.attrib[name]) for name in ("x", "y", "width", "height"))
-        for element in root.iter("{http://www.w3.org/2000/svg}rect")
-        if element.get("rx") == "5"
-    ]
-    assert len(boxes) == len(record.stages)
-    for (x, y, w, h), (x2, y2, w2, h2) in itertools.combinations(boxes, 2):
-        assert x + w <= x2 or x2 + w2 <= x or y + h <= y2 or y2 + h2 <= y, "stages overlap"
+    drawn = record.to_mermaid().splitlines()
+    assert drawn[0] == "flowchart TD"
+    assert sum(" --> " in line or " -.-> " in line for line in drawn) == dot.count(" -> ")
+    for number, stage in enumerate(record.stages):
+        assert any(line.startswith(f'  s{number}["{stage.name}<br>') for line in drawn)
+    for number, each in enumerate(record.resources):
+        assert any(line.startswith(f'  r{number}(["{each.name}') for line in drawn)
 
 
 # ---- a stage more

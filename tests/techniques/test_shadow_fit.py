@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 import ssgi_cl as gi
-from ssgi_cl.bench.shadow_errors import shadow_errors
+from ssgi_cl.bench.experiments.shadow_errors import shadow_errors
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import DirectionalLight, PointLight, SpotLight
 from ssgi_cl.core.scene import Scene

@@ -89,7 +89,7 @@ SETTINGS = (
     "runtime=1",
     "thickness=-1",
 )
-NEVER = ("clear", "rebuild", "refresh", "help", "html", "markdown", "views")
+NEVER = ("clear", "rebuild", "refresh", "help", "markdown", "views")
 """Options left out: they delete or measure what belongs to the user, or write many files."""
 SMALL = {
     "width": ("1", "7", "33"),

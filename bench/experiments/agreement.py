@@ -1,4 +1,4 @@
-"""How far devices agree: `python -m ssgi_cl.bench.agreement` writes a table of it."""
+"""How far devices agree: `python -m ssgi_cl.bench.experiments.agreement` writes a table of it."""
 
 from __future__ import annotations
 
@@ -17,13 +17,12 @@ from time import process_time
 import click
 import numpy as np
 
+from ssgi_cl.bench.every import TECHNIQUES, Array, inputs, results
 from ssgi_cl.core.atomic import replacement
 from ssgi_cl.core.errors import SsgiError
 from ssgi_cl.device import drivers
 from ssgi_cl.device.drivers import DeviceInfo, KernelVariant
 from ssgi_cl.device.runtime import Runtime
-
-from .every import TECHNIQUES, Array, inputs, results
 
 SIZE = (24, 40)
 """(rows, columns) of the images: some tiles and vectors, not all whole."""
@@ -70,7 +69,7 @@ class Run:
         command = [
             sys.executable,
             "-m",
-            "ssgi_cl.bench.agreement",
+            "ssgi_cl.bench.experiments.agreement",
             "--limit",
             str(limit),
             "--worker",
@@ -193,7 +192,7 @@ def report(columns: Sequence[tuple[Run, Results]]) -> tuple[str, bool]:
     lines = [
         "# Agreement of devices",
         "",
-        "Made by `python -m ssgi_cl.bench.agreement`, each run in processes of its own.",
+        "Made by `python -m ssgi_cl.bench.experiments.agreement`, each run in processes of its own.",
         "",
         f"Every technique on {SIZE[1]} x {SIZE[0]} pixels of the Cornell box with maps of {TEXELS} "
         f"texels a side, against {first.title}. A cell has the largest and the mean difference "
@@ -259,4 +258,4 @@ def main(output: Path, devices: tuple[str, ...], limit: float, worker: tuple[Pat
 
 
 if __name__ == "__main__":
-    main(prog_name="python -m ssgi_cl.bench.agreement")
+    main(prog_name="python -m ssgi_cl.bench.experiments.agreement")

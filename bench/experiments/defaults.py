@@ -1,7 +1,7 @@
-"""Scan constants of a technique's defaults: `python -m ssgi_cl.bench.defaults --help`.
+"""Scan constants of a technique's defaults: `python -m ssgi_cl.bench.experiments.defaults --help`.
 
 Of techniques of ambient occlusion, the error against rays; of those in `SCANS`, what
-`ssgi_cl.bench.scan.Scan` says: error and counted work, which no other load on the machine changes.
+`ssgi_cl.bench.experiments.scan.Scan` says: error and counted work, which no other load on the machine changes.
 Errors on the scenes for tuning decide, those on the scenes for validation confirm; those on the
 scenes that are reported are shown, and must decide nothing.
 """
@@ -18,17 +18,17 @@ import click
 from rich.console import Console
 from rich.table import Table
 
+from ssgi_cl.bench.discover import declared
+from ssgi_cl.bench.options import device_option
+from ssgi_cl.bench.scene_sets import SETS, SIZE, SceneSets, geometric_mean
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import KINDS
 from ssgi_cl.techniques.catalogue import TECHNIQUES
 from ssgi_cl.tuning.tunables import entry_of
 
-from .discover import declared
-from .options import device_option
 from .scan import LEAST_ERROR, Measured, Scan
-from .scene_sets import SETS, SIZE, SceneSets, geometric_mean
 
-SCANS: Mapping[str, Scan] = declared("ssgi_cl.bench", "SCANS", prefix="scan_")
+SCANS: Mapping[str, Scan] = declared("ssgi_cl.bench.experiments", "SCANS", prefix="scan_")
 """What is scanned beside techniques of ambient occlusion, by name; of modules `scan_*`."""
 
 

@@ -8,6 +8,9 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.bench.cases.multires_splat import all_lights, relative_rmse
+from ssgi_cl.bench.cases.vpl_splat import MAP_SIZE, lit
+from ssgi_cl.bench.drawn import DrawnMaps
 from ssgi_cl.device.arrays import DeviceArray, Plane
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.techniques.indirect import multires_grid, vpl_splat
@@ -16,9 +19,6 @@ from ssgi_cl.techniques.indirect.vpl_splat import TILE, VplSplat, VplSplatParams
 from ssgi_cl.techniques.indirect.vpl_tree import GROUP, VplTree
 from ssgi_cl.tuning.context import Context
 
-from .cases.multires_splat import all_lights, relative_rmse
-from .cases.vpl_splat import MAP_SIZE, lit
-from .drawn import DrawnMaps
 from .scan import Measured, Scan, parted, replaced
 
 LIGHTS = 1024

@@ -1,4 +1,4 @@
-"""What a pixel-sample costs by size of image and radius: `python -m ssgi_cl.bench.cost --help`."""
+"""What a pixel-sample costs by size of image and radius: `python -m ssgi_cl.bench.experiments.cost --help`."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from typing import Any
 import click
 import numpy as np
 
+from ssgi_cl.bench.options import device_option, json_option
+from ssgi_cl.bench.wording import number
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import BuiltinScene
@@ -19,9 +21,6 @@ from ssgi_cl.tuning.case import Subject
 from ssgi_cl.tuning.context import Context
 from ssgi_cl.tuning.measure import Stopwatch
 from ssgi_cl.tuning.measured_scenes import views_of
-
-from .options import device_option, json_option
-from .wording import number
 
 SIZES: tuple[Size, ...] = ((300, 400), (600, 800), (1200, 1600), (1080, 1920), (2160, 3840))
 """(rows, columns)."""

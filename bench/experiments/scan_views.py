@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.bench.drawn import DrawnMaps
 from ssgi_cl.frame.auxiliary_views import AuxiliaryViews
 from ssgi_cl.techniques.indirect.ssdo import Ssdo
 from ssgi_cl.techniques.indirect.ssdo_params import SsdoParams
 from ssgi_cl.techniques.indirect.ssdo_view_senders import ViewSenders
 from ssgi_cl.tuning.context import Context
 
-from .drawn import DrawnMaps
 from .scan import Measured, Scan
 
 CAMERAS = 2

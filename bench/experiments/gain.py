@@ -1,4 +1,4 @@
-"""What more samples would gain: `python -m ssgi_cl.bench.gain --help`."""
+"""What more samples would gain: `python -m ssgi_cl.bench.experiments.gain --help`."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import Any
 
 import click
 
+from ssgi_cl.bench.options import PixelSize, device_option, meshes_option
+from ssgi_cl.bench.wording import number
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import REPORTED
 from ssgi_cl.truth import metrics
@@ -16,8 +18,6 @@ from ssgi_cl.tuning.context import Context, TruthSettings
 from ssgi_cl.tuning.measured_scenes import views_of
 
 from .cost import TECHNIQUES
-from .options import PixelSize, device_option, meshes_option
-from .wording import number
 
 MOST = 32
 """Slices that stand for samples without end."""

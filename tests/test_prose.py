@@ -86,8 +86,8 @@ CODE_WORDS = {
 }
 """Words that neither identifiers nor comments nor texts of code use -> what to say."""
 
-OWN_WORDS = ("ssgi_cl/former_names.py", "tests/test_public_names.py", "tests/test_prose.py", "rasterize/scenes/")
-"""Sources with former names by intent, and scenes, where a lamp is a thing."""
+OWN_WORDS = ("tests/test_prose.py", "rasterize/scenes/")
+"""This file, and scenes, where a lamp is a thing."""
 
 CODE = re.compile(r"^```.*?^```|^    .*?$|`[^`\n]*`", re.DOTALL | re.MULTILINE)
 LINK = re.compile(r"(?<!`)!?\[[^\]]*\]\(([^)\s]+)\)")

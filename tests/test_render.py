@@ -560,10 +560,3 @@ def test_camera_of_another_size_than_prepared_is_refused(runtime: Runtime, small
     renderer = Renderer(runtime, (6, 8))
     with pytest.raises(ValueError, match=r"\(6, 8\)"):
         renderer(small, viewer(9, 6), [SKY])
-
-
-def test_the_former_name_of_auxiliary_cameras_serves_and_warns(runtime: Runtime) -> None:
-    with pytest.warns(DeprecationWarning, match="is now render\\(auxiliary_cameras="):
-        former = box(runtime, indirect="ssdo", ao_radius=0.5, extra_cameras=2)
-    now = box(runtime, indirect="ssdo", ao_radius=0.5, auxiliary_cameras=2)
-    np.testing.assert_array_equal(former.radiance, now.radiance)

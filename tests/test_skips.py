@@ -220,8 +220,6 @@ def test_skips_and_outputs_are_names() -> None:
     assert chosen_skips(True) == set(SKIPS)
     assert chosen_skips(False) == set()
     assert chosen_skips(["tiles"]) == {"tiles"}
-    with pytest.warns(DeprecationWarning, match="the skip 'window' is called 'region' now"):
-        assert chosen_skips(["window", "tiles"]) == {"region", "tiles"}
     assert chosen_outputs(None) is None
     assert chosen_outputs(OUTPUTS) == set(OUTPUTS)
     for wrong, error, message in (

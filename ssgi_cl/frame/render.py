@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -65,7 +64,6 @@ def render(
     outputs: Iterable[str] | None = None,
     skips: bool | Iterable[str] = True,
     runtime: Runtime | None = None,
-    extra_cameras: int | None = None,
 ) -> Frame:
     """Render the whole picture: direct light with shadows, sky, all bounces, emission.
 
@@ -126,7 +124,6 @@ def render(
         skips: what may be left out where the scene shows that it is idle: True for all, False for
             none, or names from `ssgi_cl.frame.plan.SKIPS`. None changes a bit of any output.
         runtime: the device; by default the fastest found.
-        extra_cameras: the former name of `auxiliary_cameras`, for one release.
 
     Returns:
         The picture, its radiance, AO, indirect light and G-buffer if asked for, and the table of
@@ -158,11 +155,6 @@ def render(
         )
     if glossy_vpls and indirect != "vpl":
         raise ValueError(f"glossy_vpls is {glossy_vpls!r}: expected 0 with indirect={indirect!r}, they are of 'vpl'")
-    if extra_cameras is not None:
-        warnings.warn(
-            "render(extra_cameras=...) is now render(auxiliary_cameras=...)", DeprecationWarning, stacklevel=2
-        )
-        auxiliary_cameras = extra_cameras
     auxiliary_cameras = checks.integer("auxiliary_cameras", auxiliary_cameras, low=0, high=64)
     if auxiliary_cameras and indirect != "ssdo":
         raise ValueError(

@@ -220,8 +220,6 @@ def test_saved_tuning_tells_all_it_depends_on(runtime: Runtime, tmp_path: Path) 
     assert document["size"] == [300, 400]
     assert document["device"] == runtime.info.label
     assert document["variant"] == str(runtime.variant)
-    with pytest.warns(DeprecationWarning, match=r"Tuning\.form is now Tuning\.variant"):
-        assert tuning.form == tuning.variant
     assert document["truth"]["rays"] >= 256
     assert document["version"] == gi.__version__
 

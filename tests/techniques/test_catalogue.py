@@ -161,26 +161,6 @@ def test_constructors_have_one_order(technique: Technique) -> None:
     )
 
 
-def test_former_arguments_of_constructors_work_and_warn(runtime: Runtime) -> None:
-    for make, params in (
-        (lambda: gi.Tonemap(runtime, (2, 3), "clip"), gi.TonemapParams(curve="clip")),
-        (lambda: gi.Tonemap(runtime, (2, 3), curve="clip"), gi.TonemapParams(curve="clip")),
-        (lambda: gi.Upsample(runtime, (2, 3), 4), gi.UpsampleParams(step=4)),
-        (
-            lambda: gi.Upsample(runtime, (2, 3), 2, 3, background=1.0, normal_sigma=0.1),
-            gi.UpsampleParams(step=2, background=1.0, normal_sigma=0.1),
-        ),
-        (lambda: gi.Upsample(runtime, (2, 3), step=4), gi.UpsampleParams(step=4)),
-    ):
-        with pytest.warns(DeprecationWarning, match=r"is now \w+\(params=\w+Params\(") as found:
-            assert make().params == params
-        assert found[0].filename == __file__
-    with pytest.raises(TypeError, match=r"Tonemap\(\) .* 'curv': did you mean 'curve'"):
-        gi.Tonemap(runtime, (2, 3), curv="clip")
-    with pytest.raises(TypeError, match="expected params alone"):
-        gi.Tonemap(runtime, (2, 3), gi.TonemapParams(), curve="clip")
-
-
 def test_shading_and_tone_mapping_take_their_parameters(runtime: Runtime, given: Inputs) -> None:
     gbuffer, size = on_device(given.gbuffer, runtime), given.gbuffer.size
     visibility, indirect = runtime.plane(1, size, 0.5), runtime.plane(3, size)

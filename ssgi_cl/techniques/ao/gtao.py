@@ -12,7 +12,6 @@ from typing import Literal, Unpack, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.former_calls import former_order
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import param
 from ssgi_cl.device.arrays import Plane, Size
@@ -85,7 +84,6 @@ class Gtao(SliceTechnique[GtaoParams]):
         if self.params.bent_normals:
             self._bent = BentNormals(runtime, size)
 
-    @former_order("gbuffer", "tiles", "layers")
     def run(self, gbuffer: DeviceGBuffer, *, tiles: OpenTiles | None = None, layers: int | None = None) -> Plane:
         """Queue the passes; return the plane. Nothing is allocated after the first call."""
         plane = super().run(gbuffer, tiles=tiles, layers=layers)

@@ -10,7 +10,6 @@ from typing import Any, ClassVar, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.former_calls import former_order
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.device.active_region import Region
@@ -111,7 +110,6 @@ class OcclusionTechnique(Prepared[Any], ABC):
         self._visibility = Target(runtime, channels, coarse, 1.0, kept=last)
         runtime.transient.reserve(2 * plane_bytes(channels, coarse))
 
-    @former_order("gbuffer", "tiles", "layers")
     def run(self, gbuffer: DeviceGBuffer, *, tiles: OpenTiles | None = None, layers: int | None = None) -> Plane:
         """Queue the passes; return the plane of A, and of what else the technique finds.
 

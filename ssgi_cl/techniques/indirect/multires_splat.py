@@ -10,7 +10,6 @@ from typing import Any, ClassVar, TypedDict, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.former_calls import former_order
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.params import Prepared, param
 from ssgi_cl.core.scene import Scene
@@ -160,7 +159,6 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
     def _set(self, params: MultiresSplatParams) -> None:
         self.grid.params = params
 
-    @former_order("gbuffer", "vpls", "rsms")
     def run(
         self,
         gbuffer: DeviceGBuffer,

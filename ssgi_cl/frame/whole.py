@@ -58,7 +58,7 @@ class WholeParams:
             runtime,
             size,
             MultiresSplatParams(
-                vpls=self.vpls, visibility=True, grid=MOST_CELLS, error=self.error, light_error=self.error
+                vpls=self.vpls, visibility=True, grid=MOST_CELLS, interpolation_error=self.error, light_error=self.error
             ),
             surfels=SURFEL_CAPACITY * self.surfels,
         )

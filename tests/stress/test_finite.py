@@ -116,7 +116,7 @@ def shading(draw: Draw, runtime: Runtime) -> None:
         shade(
             gbuffer,
             punctual_lights,
-            rsms=rsms,
+            shadow_maps=rsms,
             ao=ao,
             indirect=indirect,
             multi_bounce=draw(st.booleans()),

@@ -112,7 +112,7 @@ def test_shadow_maps_dim_direct_light_and_what_it_makes_surfaces_send(runtime: R
     dark = replace(gbuffer, emission=None)
     rsm = gi.rasterize.rsm(made.scene, punctual_light, size=128, runtime=runtime)
     options: dict[str, Any] = {"radius": 0.3, "method": "points", "runtime": runtime}
-    with_map = ssdo(dark, [punctual_light], rsms=[rsm], **options)
+    with_map = ssdo(dark, [punctual_light], shadow_maps=[rsm], **options)
     marched = ssdo(dark, [punctual_light], **options)
     without = ssdo(dark, [punctual_light], lamp_taps=0, **options)
     for by_map, by_march, open_ in zip(with_map, marched, without, strict=True):
@@ -354,7 +354,7 @@ def test_where_nothing_is_there_is_no_light(runtime: Runtime, corner: GBuffer, m
         ({"samples": 0}, ValueError, "samples is 0"),
         ({"bounce": 1}, TypeError, "bounce is 1"),
         ({"lights": ["sun"]}, TypeError, r"lights\[0\] is str: expected a light"),
-        ({"rsms": []}, ValueError, "rsms has 0 entries: expected 1"),
+        ({"shadow_maps": []}, ValueError, "shadow_maps has 0 entries: expected 1"),
         ({"radiance": np.ones((3, 3, 3))}, ValueError, r"radiance has shape \(3, 3, 3\)"),
         ({"radiance": -np.ones((5, 7, 3))}, ValueError, r"radiance\[0, 0, 0\] is -1"),
         ({"radiance": np.ones((2, 5, 7, 3))}, ValueError, r"radiance has shape \(2, 5, 7, 3\)"),

@@ -137,7 +137,7 @@ CASES = {
         on_map(gi.rsm_gather, 1),
         gi.RsmGatherParams,
         {"samples": 50, "pattern": "fixed", "resolution": "adaptive"},
-        {"radius": 0.2, "error": 0.5, **GRID},
+        {"radius": 0.2, "interpolation_error": 0.5, **GRID},
     ),
     "rsm_gather, published": Case(
         on_map(gi.rsm_gather, 1),
@@ -151,7 +151,7 @@ CASES = {
         on_map(gi.multires_splat),
         gi.MultiresSplatParams,
         {"vpls": 64, "cutoff": 0.01},
-        {"error": 0.2, "light_error": 1.0, **GRID, **VPLS},
+        {"interpolation_error": 0.2, "light_error": 1.0, **GRID, **VPLS},
     ),
     "multires_splat, published": Case(
         on_map(gi.multires_splat),

@@ -310,7 +310,7 @@ def ssdo(
     lights: Sequence[Light],
     radius: float = 0.5,
     *,
-    rsms: Sequence[ReflectiveShadowMap | None] | None = None,
+    shadow_maps: Sequence[ReflectiveShadowMap | None] | None = None,
     radiance: ArrayLike | None = None,
     views: Sequence[GBuffer | DeviceGBuffer] = (),
     runtime: Runtime | None = None,
@@ -337,7 +337,7 @@ def ssdo(
             that of lights is hidden where their map says so or, without
             one, by what the camera sees within the radius.
         radius: distance up to which surfaces hide and send light, scene units, > 0.
-        rsms: for each light its reflective shadow map, whose depth casts its shadow, or None.
+        shadow_maps: for each light its reflective shadow map, whose depth casts its shadow, or None.
         radiance: what surfaces send, W m^-2 sr^-1, >= 0, if it is known: [rows, columns, 3] of the
             size of the depth, or [layers, rows, columns, 3]; by default what the lights make of
             albedo and emission.
@@ -354,7 +354,7 @@ def ssdo(
     Raises:
         TypeError, ValueError: an argument of the wrong type, shape or range.
     """
-    lights = checked_lights(lights, rsms)
+    lights = checked_lights(lights, shadow_maps)
     chosen = SsdoParams(radius=radius, **params)
     device = on_device(gbuffer, runtime)
     if device.camera is None:
@@ -370,7 +370,7 @@ def ssdo(
         planes = technique.run(
             device,
             lights,
-            shadows=uploaded_maps(lights, rsms, runtime),
+            shadows=uploaded_maps(lights, shadow_maps, runtime),
             radiance=sent,
             views=[view_on_device(view, number, runtime) for number, view in enumerate(views)],
         )

@@ -21,6 +21,12 @@ def test_the_package_shows_public_names_alone() -> None:
     assert not [name for name in dir(gi) if name.startswith("_") and name != "__version__"]
 
 
+@pytest.mark.parametrize("module", [gi.metrics, gi.truth])
+def test_modules_of_the_package_show_public_names_alone(module: ModuleType) -> None:
+    assert dir(module) == sorted(module.__all__)
+    assert not [name for name in dir(module) if isinstance(getattr(module, name), ModuleType)]
+
+
 def test_every_public_name_is_what_its_module_defines() -> None:
     for name in set(dir(gi)) - SHOWN_MODULES:
         value = getattr(gi, name)

@@ -22,7 +22,7 @@ def directional(method: str) -> Call:
             given.single,
             given.lights,
             shadow_maps=(*given.maps, None, None),
-            views=[given.view],
+            auxiliary_views=[given.view],
             runtime=runtime,
             **params,
         )

@@ -101,7 +101,10 @@ class SsdoFamily(Own):
             gbuffer = _dark(view.draw())
             views = further.drawn(context.view.scene, context.camera, gbuffer, punctual_lights)
             return technique.run(
-                gbuffer, punctual_lights, shadows=maps.shadows(), views=map(_dark, views) if self.views else ()
+                gbuffer,
+                punctual_lights,
+                shadows=maps.shadows(),
+                auxiliary_views=map(_dark, views) if self.views else (),
             )
 
         def image() -> NDArray[np.float32]:
@@ -176,7 +179,7 @@ class Frames(Own):
         elif kind in ("bitmask", "bitmask-layers", "views"):
             params = SsdoParams(radius=radius, slices=number, resolution="half")
             views = EXTRA_CAMERAS if kind == "views" else 0
-            renderer = Renderer(runtime, context.size, indirect=params, layers=layers, views=views)
+            renderer = Renderer(runtime, context.size, indirect=params, layers=layers, auxiliary_cameras=views)
         else:
             raise ValueError(
                 f"setting is {setting!r}: expected ssao, direct, bounce, layers, points, "

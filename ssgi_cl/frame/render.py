@@ -200,7 +200,7 @@ def render(
             indirect=bounce,
             layers=layers,
             margin=margin,
-            views=auxiliary_cameras,
+            auxiliary_cameras=auxiliary_cameras,
             shadow_size=shadow_size,
             rsm_size=rsm_size,
             curve=curve,

@@ -86,7 +86,7 @@ class Renderer:
         indirect: parameters of one bounce of light, likewise, or None for none. SSDO hides ambient
             light too: then `ao` is not looked at.
         layers, margin: of the G-buffer.
-        views: auxiliary cameras of SSDO, which `auxiliary_cameras` places.
+        auxiliary_cameras: auxiliary cameras of SSDO, which `auxiliary_cameras` places.
         shadow_size, rsm_size: texels along a shadow map's side, and at most so many of them of
             which each may reflect light.
         curve: see `tonemap`.
@@ -104,7 +104,7 @@ class Renderer:
         indirect: BounceParams | None = None,
         layers: int = 1,
         margin: Size = (0, 0),
-        views: int = 0,
+        auxiliary_cameras: int = 0,
         shadow_size: int = 1024,
         rsm_size: int = 512,
         curve: str = "filmic",
@@ -163,7 +163,9 @@ class Renderer:
             self._openers.append(opener)
             near = [
                 maps_stage(maps, None, keep=keep, reflects=False, all_lights=True),
-                *ssdo_stages(technique, opener, tiles, AuxiliaryViews(runtime, views) if views else None),
+                *ssdo_stages(
+                    technique, opener, tiles, AuxiliaryViews(runtime, auxiliary_cameras) if auxiliary_cameras else None
+                ),
             ]
             light.append(INDIRECT)
         else:

@@ -306,7 +306,7 @@ def ssdo_stages(ssdo: Ssdo, opener: OpenTileFinder, tiles: Tiles | None, views: 
         extra = views.drawn(r[CASTING], r[CAMERA], seen, lights) if views is not None else ()
         known = None if r.get(TILES) is None else tiles
         open_ = opener.find(seen, known, ssdo.reach(seen))
-        found = ssdo.run(seen, lights, shadows=r[SHADOWS], views=extra, tiles=open_)
+        found = ssdo.run(seen, lights, shadows=r[SHADOWS], auxiliary_views=extra, tiles=open_)
         return found.direct, found.bounce
 
     replaced = Stage(

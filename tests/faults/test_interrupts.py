@@ -74,7 +74,7 @@ def renderer(runtime: Runtime, bounce: str | None, skips: bool) -> Renderer:
         ao=None if bounce == "ssdo" else GtaoParams(radius=0.3),
         indirect=bounce_params(bounce, 64, layers, 0.5, 0, None),
         layers=layers,
-        views=2 if bounce == "ssdo" else 0,
+        auxiliary_cameras=2 if bounce == "ssdo" else 0,
         shadow_size=32,
         rsm_size=32,
         skips=skips,

@@ -78,7 +78,7 @@ def directional(method: str) -> Any:
             slices=1,
             taps=4,
             samples=4,
-            lamp_taps=4,
+            shadow_taps=4,
             bounce=draw(st.booleans()),
         )
         for irradiance in both:

@@ -51,7 +51,7 @@ def test_nothing_that_is_allowed_is_refused_behind(method: str, name: str, value
     params = SsdoParams(method=method, **{name: value})
     BACK_ENDS[method](params)
     assert params.blur
-    if params.lamp_taps:  # without, no light casts a shadow
+    if params.shadow_taps:  # without, no light casts a shadow
         params.punctual_lights()
 
 

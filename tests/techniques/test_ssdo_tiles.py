@@ -100,7 +100,7 @@ def test_open_tiles_change_no_bit_of_light(
     found = []
     for known in (None, tiles):
         with runtime.frame():
-            planes = technique.run(device, lights, views=further, tiles=known)
+            planes = technique.run(device, lights, auxiliary_views=further, tiles=known)
             found.append(
                 [
                     None if plane is None else plane.download()

@@ -142,7 +142,7 @@ class Ssdo(Prepared[SsdoParams]):
         *,
         shadows: Sequence[ShadowMap | None] | None = None,
         radiance: Plane | None = None,
-        views: Iterable[DeviceGBuffer] = (),
+        auxiliary_views: Iterable[DeviceGBuffer] = (),
         tiles: OpenTiles | None = None,
     ) -> SsdoPlanes:
         """Queue the passes. Nothing is allocated after the first call with such arguments.
@@ -154,7 +154,7 @@ class Ssdo(Prepared[SsdoParams]):
             radiance: what surfaces send, if it is known: 3 images for each layer (number 3 layer +
                 channel) of the size with margin, W m^-2 sr^-1, 0 where nothing is. With the method
                 "bitmask" as many more may follow for the sides that the camera doesn't see.
-            views: what auxiliary cameras see, of any size, margin and layers; surfaces that they
+            auxiliary_views: what auxiliary cameras see, of any size, margin and layers; surfaces that they
                 see hide and send light where the G-buffer shows none. Each is done with before the
                 next is asked for.
             tiles: proven open by `Tiles` of pieces, as far as `reach` says: nothing is looked for
@@ -171,7 +171,7 @@ class Ssdo(Prepared[SsdoParams]):
         open_ = (
             tiles is not None
             and tiles.open == tiles.total
-            and not views
+            and not auxiliary_views
             and self._sky.image is None
             and self._bent is None
         )
@@ -201,8 +201,10 @@ class Ssdo(Prepared[SsdoParams]):
         elif not open_:
             sky = self._sky if self._sky.image is not None else None
             source = self._finish.source(gbuffer)
-            gathered = self._gathered(gbuffer, source, sent if sends else None, sky, lights, shadows, views, tiles)
-            plain = sky is None and not views
+            gathered = self._gathered(
+                gbuffer, source, sent if sends else None, sky, lights, shadows, auxiliary_views, tiles
+            )
+            plain = sky is None and not auxiliary_views
             gathered = self._finish.run(gbuffer, gathered, source=source, tiles=tiles if plain else None)
         direct, bounce = self._split(gbuffer, gathered, sends, punctual_lights, lights_margin)
         bent = None
@@ -235,12 +237,12 @@ class Ssdo(Prepared[SsdoParams]):
         sky: Sky | None,
         lights: Sequence[Light],
         shadows: Sequence[ShadowMap | None] | None,
-        views: Iterable[DeviceGBuffer],
+        auxiliary_views: Iterable[DeviceGBuffer],
         tiles: OpenTiles | None,
     ) -> Plane:
         """Queue the back end, and what auxiliary cameras add to it."""
-        views = iter(views)
-        first = next(views, None)
+        auxiliary_views = iter(auxiliary_views)
+        first = next(auxiliary_views, None)
         if first is None:
             return self._back.run(gbuffer, source, radiance=sent, sky=sky, tiles=tiles)
         if self._views is None:
@@ -250,7 +252,7 @@ class Ssdo(Prepared[SsdoParams]):
         light = self._back.run(gbuffer, source, radiance=sent, sky=sky, tiles=tiles)
         self._views.begin(gbuffer)
         try:
-            for view in chain((first,), views):
+            for view in chain((first,), auxiliary_views):
                 self._views.add(light, self._back, gbuffer, source, view, lights, shadows, sends=sent is not None)
         finally:
             self._views.end()
@@ -312,7 +314,7 @@ def ssdo(
     *,
     shadow_maps: Sequence[ReflectiveShadowMap | None] | None = None,
     radiance: ArrayLike | None = None,
-    views: Sequence[GBuffer | DeviceGBuffer] = (),
+    auxiliary_views: Sequence[GBuffer | DeviceGBuffer] = (),
     runtime: Runtime | None = None,
     **params: Unpack[SsdoKeywords],
 ) -> tuple[NDArray[np.float32], ...]:
@@ -341,7 +343,7 @@ def ssdo(
         radiance: what surfaces send, W m^-2 sr^-1, >= 0, if it is known: [rows, columns, 3] of the
             size of the depth, or [layers, rows, columns, 3]; by default what the lights make of
             albedo and emission.
-        views: what auxiliary cameras see under the same lights (see `auxiliary_cameras`): surfaces
+        auxiliary_views: what auxiliary cameras see under the same lights (see `auxiliary_cameras`): surfaces
             that only they see hide and send light too.
         runtime: the device; by default the fastest found.
         **params: the other fields of `SsdoParams`.
@@ -372,7 +374,7 @@ def ssdo(
             lights,
             shadows=uploaded_maps(lights, shadow_maps, runtime),
             radiance=sent,
-            views=[view_on_device(view, number, runtime) for number, view in enumerate(views)],
+            auxiliary_views=[view_on_device(view, number, runtime) for number, view in enumerate(auxiliary_views)],
         )
         images = [
             np.zeros((3, *device.size), np.float32) if plane is None else plane.download()

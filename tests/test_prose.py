@@ -117,7 +117,7 @@ def test_words_are_found_in_prose_across_lines(word: str) -> None:
     assert found(f"Some text with {word} in it.")
 
 
-@pytest.mark.parametrize("code", ["`lamp_taps` and `walls`", "```\nlamp\n```", "vpl-visibility.4096"])
+@pytest.mark.parametrize("code", ["`shadow_taps` and `walls`", "```\nlamp\n```", "vpl-visibility.4096"])
 def test_words_in_code_and_names_of_cases_are_no_prose(code: str) -> None:
     assert not found(f"Some text\n{code}\nand more.")
 

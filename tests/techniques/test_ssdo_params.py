@@ -27,7 +27,7 @@ COUNTS: list[tuple[str, type[Params], str]] = [
     ("samples", PointsParams, "samples"),
     ("blur_radius", BilateralParams, "radius"),
     ("blur_passes", BilateralParams, "passes"),
-    ("lamp_taps", LightShadowParams, "taps"),
+    ("shadow_taps", LightShadowParams, "taps"),
 ]
 """Of SSDO, and where they are handed on."""
 

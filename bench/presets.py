@@ -25,8 +25,9 @@ from ssgi_cl.core.atomic import replacement
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.techniques import presets
 from ssgi_cl.techniques.ao.occlusion import RESOLUTIONS
-from ssgi_cl.techniques.catalogue import TECHNIQUES, Technique
+from ssgi_cl.techniques.catalogue import TECHNIQUES
 from ssgi_cl.techniques.presets.speed_model import measured
+from ssgi_cl.techniques.technique import Technique
 from ssgi_cl.tuning.context import Progress as Report
 from ssgi_cl.tuning.outcome import TuneError
 from ssgi_cl.tuning.trials import Trial, Trials

@@ -10,7 +10,7 @@ from typing import Any
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import REPORTED, TUNED_ON, TUNING_SEEDS, VALIDATED_ON, VALIDATION_SEEDS, BuiltinScene
-from ssgi_cl.techniques.catalogue import Technique
+from ssgi_cl.techniques.technique import Technique
 from ssgi_cl.truth.digests import scene_digest
 from ssgi_cl.tuning.context import Context, Progress, TruthSettings
 from ssgi_cl.tuning.measured_scenes import views_of

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.params import parameter_fields
 from ssgi_cl.device.gbuffer import DeviceGBuffer
-from ssgi_cl.techniques.catalogue import Technique
+from ssgi_cl.techniques.technique import Technique
 from ssgi_cl.truth import metrics
 from ssgi_cl.tuning.calibration import GatherLoad
 from ssgi_cl.tuning.context import Context

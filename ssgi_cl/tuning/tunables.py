@@ -10,7 +10,8 @@ from typing import Any
 from ssgi_cl.core import checks
 from ssgi_cl.core.params import Params
 from ssgi_cl.rasterize.scenes import REPORTED, TUNED_ON, VALIDATED_ON, BuiltinScene, make_scene
-from ssgi_cl.techniques.catalogue import TECHNIQUES, Technique
+from ssgi_cl.techniques.catalogue import TECHNIQUES
+from ssgi_cl.techniques.technique import Technique
 from ssgi_cl.tuning.search import Axis
 
 

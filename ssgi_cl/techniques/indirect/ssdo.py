@@ -444,7 +444,7 @@ DESCRIPTOR = Technique(
         ),
         "ssdo_views/ssdo_views_unseen.cl": ("SEEN_LAYERS", "SEEN_NORMALS", "UNSEEN_LAYERS", "UNSEEN_NORMALS"),
     },
-    reads=("depth", "normal", "albedo", "emission", "thickness", "lights", "rsms"),
+    reads=("depth", "normal", "albedo", "emission", "thickness", "lights", "shadow_maps"),
     writes=("direct", "bounce", "bent"),
     methods=dict.fromkeys(METHODS, SsdoParams),
     command=True,

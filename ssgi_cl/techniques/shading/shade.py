@@ -331,7 +331,7 @@ DESCRIPTOR = Technique(
         "shade/shadow_blocks.cl": (),
         "shade/seen_depths.cl": (),
     },
-    reads=("depth", "normal", "albedo", "emission", "lights", "rsms"),
+    reads=("depth", "normal", "albedo", "emission", "lights", "shadow_maps"),
     writes=("radiance",),
     quantity="direct",
     bench=Bench(

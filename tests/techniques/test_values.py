@@ -173,7 +173,7 @@ CASES = {
         lambda given, power=1.0, **params: gi.shade(
             given.gbuffer,
             [scaled(light, power) for light in given.lights],
-            rsms=[given.maps[0], None, None, None],
+            shadow_maps=[given.maps[0], None, None, None],
             **params,
         ),
         Params,

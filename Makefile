@@ -65,7 +65,7 @@ test: setup
 test-all: setup
 	@PYTHON=$(PYTHON) sh tools/system-packages.sh oclgrind
 	$(BIN)/python -m pytest $(PARALLEL)
-	@$(BIN)/python -c "from ssgi_cl import drivers as d; best = d.choose(None); \
+	@$(BIN)/python -c "from ssgi_cl.device import drivers as d; best = d.choose(None); \
 		print(*(i.label for i in d.devices() if i.best and i != best), sep='\n')" | \
 	while read -r label; do \
 		[ -z "$$label" ] || { echo "on $$label"; \

@@ -120,9 +120,6 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
         document = json.loads(Path(path).read_text(encoding="utf-8"), parse_constant=_refuse_constant)
     except (ValueError, RecursionError) as error:
         raise ValueError(f"{os.fspath(path)} is not JSON: {error}") from error
-    device = document.get("device") if isinstance(document, dict) else None
-    if isinstance(device, dict) and "form" in device:  # as it was called before
-        device.setdefault("variant", device.pop("form"))
     try:
         _check(document)
     except ValueError as error:

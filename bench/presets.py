@@ -25,8 +25,9 @@ from ssgi_cl.core.atomic import replacement
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.techniques import presets
 from ssgi_cl.techniques.ao.occlusion import RESOLUTIONS
-from ssgi_cl.techniques.catalogue import TECHNIQUES, Entry
+from ssgi_cl.techniques.catalogue import TECHNIQUES
 from ssgi_cl.techniques.presets.speed_model import measured
+from ssgi_cl.techniques.technique import Technique
 from ssgi_cl.tuning.context import Progress as Report
 from ssgi_cl.tuning.outcome import TuneError
 from ssgi_cl.tuning.trials import Trial, Trials
@@ -69,7 +70,7 @@ class Step:
         return self.tuning <= GAIN * other.tuning and self.validation <= GAIN * other.validation
 
 
-def candidates(entry: Entry) -> Iterator[dict[str, Any]]:
+def candidates(entry: Technique) -> Iterator[dict[str, Any]]:
     """Yield all combinations of the values in the entry's `tunable`."""
     for values in itertools.product(*entry.tunable.values()):
         yield dict(zip(entry.tunable, values, strict=True))
@@ -168,7 +169,7 @@ def record_presets(technique: str, sets: SceneSets, *, progress: Report | None =
     }
 
 
-def _recorded(entry: Entry, sets: SceneSets, layers: int, progress: Report | None) -> dict[str, Any]:
+def _recorded(entry: Technique, sets: SceneSets, layers: int, progress: Report | None) -> dict[str, Any]:
     """Return the presets and the ladder for one number of layers."""
     trials = sets.trials(entry, layers)
     every = list(candidates(entry))

@@ -10,7 +10,7 @@ from typing import Any
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import REPORTED, TUNED_ON, TUNING_SEEDS, VALIDATED_ON, VALIDATION_SEEDS, BuiltinScene
-from ssgi_cl.techniques.catalogue import Entry
+from ssgi_cl.techniques.technique import Technique
 from ssgi_cl.truth.digests import scene_digest
 from ssgi_cl.tuning.context import Context, Progress, TruthSettings
 from ssgi_cl.tuning.measured_scenes import views_of
@@ -83,7 +83,7 @@ class SceneSets:
             for context in self.contexts[name]:
                 context.progress = progress or context.progress
 
-    def trials(self, entry: Entry, layers: int, overscan: float = OVERSCAN) -> dict[str, Trials]:
+    def trials(self, entry: Technique, layers: int, overscan: float = OVERSCAN) -> dict[str, Trials]:
         """Return the trials of a technique on each set, with all truths made."""
         found = {}
         for name, contexts in self.contexts.items():

@@ -16,6 +16,8 @@ from .core.lights import Environment as Environment
 from .core.lights import Light as Light
 from .core.lights import PointLight as PointLight
 from .core.lights import SpotLight as SpotLight
+from .core.scene import Material as Material
+from .core.scene import Scene as Scene
 from .core.suns import split_suns as split_suns
 from .core.vpls import Vpls as Vpls
 from .device.drivers import KernelVariant as KernelVariant

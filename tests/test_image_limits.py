@@ -56,7 +56,7 @@ def results(gbuffer: GBuffer, texels: int, runtime: Runtime) -> dict[str, NDArra
         "ssao": ao,
         "blur": bilateral_blur(ao, gbuffer, runtime=runtime),
         "upsample": upsample(coarse, gbuffer, runtime=runtime),
-        "shade": shade(gbuffer, [punctual_light], rsms=[shadow], ao=ao, runtime=runtime),
+        "shade": shade(gbuffer, [punctual_light], shadow_maps=[shadow], ao=ao, runtime=runtime),
     }
 
 

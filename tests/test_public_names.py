@@ -1,8 +1,7 @@
-"""What `import ssgi_cl` shows, what it costs, and the names that things had before."""
+"""What `import ssgi_cl` shows, what it costs."""
 
 from __future__ import annotations
 
-import importlib
 import inspect
 import subprocess
 import sys
@@ -11,7 +10,6 @@ from types import ModuleType
 import pytest
 
 import ssgi_cl as gi
-from ssgi_cl import former_names
 
 SHOWN_MODULES = {"metrics", "rasterize", "truth"}
 
@@ -21,6 +19,12 @@ def test_the_package_shows_public_names_alone() -> None:
     modules = {name for name in dir(gi) if isinstance(getattr(gi, name), ModuleType)}
     assert modules == SHOWN_MODULES
     assert not [name for name in dir(gi) if name.startswith("_") and name != "__version__"]
+
+
+@pytest.mark.parametrize("module", [gi.metrics, gi.truth])
+def test_modules_of_the_package_show_public_names_alone(module: ModuleType) -> None:
+    assert dir(module) == sorted(module.__all__)
+    assert not [name for name in dir(module) if isinstance(getattr(module, name), ModuleType)]
 
 
 def test_every_public_name_is_what_its_module_defines() -> None:
@@ -44,28 +48,3 @@ def test_importing_the_package_imports_no_libraries() -> None:
 def test_an_unknown_name_is_an_attribute_error() -> None:
     with pytest.raises(AttributeError, match="gtaoo"):
         _ = gi.gtaoo
-
-
-@pytest.mark.parametrize("name", sorted(former_names.MODULES))
-def test_a_module_is_found_under_its_former_name_for_one_release(name: str) -> None:
-    sys.modules.pop(name, None)
-    with pytest.warns(DeprecationWarning, match=f"{name} is now {former_names.MODULES[name]}"):
-        found = importlib.import_module(name)
-    present = importlib.import_module(former_names.MODULES[name])
-    public = [each for each in vars(present) if not each.startswith("_")]
-    assert all(getattr(found, each) is getattr(present, each) for each in public)
-
-
-def test_former_names_of_functions_serve_and_warn() -> None:
-    for former, name in former_names.ATTRIBUTES.items():
-        vars(gi).pop(former, None)  # a module of this name may have been imported
-        with pytest.warns(DeprecationWarning, match=f"ssgi_cl.{former} is now ssgi_cl.{name}"):
-            assert getattr(gi, former) is getattr(gi, name)
-
-
-def test_a_former_module_leaves_the_function_of_its_name_callable() -> None:
-    sys.modules.pop("ssgi_cl.render", None)
-    with pytest.warns(DeprecationWarning, match="ssgi_cl.render is now"):
-        importlib.import_module("ssgi_cl.render")
-    with pytest.raises(TypeError, match="camera is None"):
-        gi.render(None, None, (), bounces=0)  # type: ignore[arg-type]

@@ -136,7 +136,7 @@ def test_radiance_is_that_of_the_float64_references_of_the_frames_own_inputs(run
         None if isinstance(light, Environment) else gi.rasterize.rsm(small, light, size=1024, runtime=runtime)
         for light in LIGHTS
     ]
-    expected = shade_reference(frame.gbuffer, LIGHTS, rsms=rsms, ao=frame.ao)
+    expected = shade_reference(frame.gbuffer, LIGHTS, shadow_maps=rsms, ao=frame.ao)
     wrong = ~(np.abs(frame.radiance - expected) <= 1e-5 * expected.max())
     # Fitted maps have other texels than whole ones. A texel at the limit of a shadow, or a point at
     # the edge of the cone: 6 of 3072 pixels.
@@ -297,7 +297,7 @@ def test_near_light_is_that_of_ssdo_by_hand(runtime: Runtime, layers: int, overs
     assert skipped(frame)["ambient occlusion"] == "ssdo hides ambient light by itself"
     rsm = gi.rasterize.rsm(built.scene, built.lights[0], size=128, runtime=runtime)
     direct, bounce = gi.ssdo(
-        frame.gbuffer, lights, 0.1, rsms=[rsm, None], resolution="half", emission=False, runtime=runtime
+        frame.gbuffer, lights, 0.1, shadow_maps=[rsm, None], resolution="half", emission=False, runtime=runtime
     )
     # Maps drawn on the device and uploaded ones differ by roundings of float32.
     assert frame.indirect.mean(dtype=float) == pytest.approx(bounce.mean(dtype=float), rel=1e-4)

@@ -192,8 +192,6 @@ def test_skips_and_outputs_are_names() -> None:
     assert chosen_skips(True) == set(SKIPS)
     assert chosen_skips(False) == set()
     assert chosen_skips(["maps"]) == {"maps"}
-    with pytest.warns(DeprecationWarning, match="the skip 'window' is called 'region' now"):
-        assert chosen_skips(["window", "maps"]) == {"region", "maps"}
     assert chosen_outputs(None) is None
     assert chosen_outputs(OUTPUTS) == set(OUTPUTS)
     for wrong, error, message in (

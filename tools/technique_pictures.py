@@ -112,7 +112,7 @@ def _upsample() -> tuple[Picture, ...]:
 def _shade() -> tuple[Picture, ...]:
     built, _, gbuffer = _scene("hall")
     ao: Any = gi.gtao(gbuffer, radius=built.ao_radius)
-    without, shaded = (gi.shade(gbuffer, built.lights, rsms=_rsms("hall"), ao=share) for share in (None, ao))
+    without, shaded = (gi.shade(gbuffer, built.lights, shadow_maps=_rsms("hall"), ao=share) for share in (None, ao))
     return gi.tonemap(without), gi.tonemap(shaded)
 
 
@@ -126,14 +126,14 @@ def _sampled_lights() -> tuple[Picture, ...]:
 
 def _tonemap() -> tuple[Picture, ...]:
     built, _, gbuffer = _scene("hall")
-    radiance = gi.shade(gbuffer, built.lights, rsms=_rsms("hall"))
+    radiance = gi.shade(gbuffer, built.lights, shadow_maps=_rsms("hall"))
     return gi.tonemap(radiance, curve="clip"), gi.tonemap(radiance)
 
 
 def _ssdo() -> tuple[Picture, ...]:
     built, _, gbuffer = _scene("cornell_box")
     lights = [light for light in built.lights if not isinstance(light, gi.Environment)]
-    _, bounce = gi.ssdo(gbuffer, lights, radius=2.0, rsms=_maps("cornell_box"), slices=4, emission=False)
+    _, bounce = gi.ssdo(gbuffer, lights, radius=2.0, shadow_maps=_maps("cornell_box"), slices=4, emission=False)
     return _light(bounce, _paths("cornell_box"))
 
 

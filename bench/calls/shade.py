@@ -20,7 +20,7 @@ def shaded(given: Inputs, runtime: Runtime) -> Iterator[Array]:
     yield shade(
         given.gbuffer,
         lights,
-        rsms=(*given.maps, None, None),
+        shadow_maps=(*given.maps, None, None),
         ao=ao,
         indirect=given.image,
         multi_bounce=True,

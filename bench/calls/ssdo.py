@@ -19,7 +19,12 @@ def directional(method: str) -> Call:
         params: dict[str, Any] = {"method": method, "slices": 1, "taps": 4, "samples": 4}
         yield from ssdo(given.gbuffer, given.lights, runtime=runtime, **params)
         yield from ssdo(
-            given.single, given.lights, rsms=(*given.maps, None, None), views=[given.view], runtime=runtime, **params
+            given.single,
+            given.lights,
+            shadow_maps=(*given.maps, None, None),
+            auxiliary_views=[given.view],
+            runtime=runtime,
+            **params,
         )
 
     return run

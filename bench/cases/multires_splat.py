@@ -44,7 +44,7 @@ class MultiresByError(Own):
         few = 0.01 if setting == GEOMETRY else 1e-3 * count_of(setting.removesuffix("-permille"), wanted, 1, 10_000)
         params = MultiresSplatParams(
             vpls=self.lights,
-            error=1e6 if setting == GEOMETRY else few,
+            interpolation_error=1e6 if setting == GEOMETRY else few,
             light_error=self.light_share * few,
             coarsest=self.coarsest,
         )
@@ -75,7 +75,7 @@ class MultiresVisibility(Own):
         """Make reflective shadow maps and multiresolution splatting ready."""
         params = MultiresSplatParams(
             vpls=count_of(setting, "a number of lights", 1, 1 << 20),
-            error=self.error,
+            interpolation_error=self.error,
             light_error=self.error,
             visibility=True,
         )

@@ -102,7 +102,10 @@ class SsdoFamily(Own):
             gbuffer = _dark(view.draw())
             views = further.drawn(context.view.scene, context.camera, gbuffer, punctual_lights)
             return technique.run(
-                gbuffer, punctual_lights, shadows=maps.shadows(), views=map(_dark, views) if self.views else ()
+                gbuffer,
+                punctual_lights,
+                shadows=maps.shadows(),
+                auxiliary_views=map(_dark, views) if self.views else (),
             )
 
         def image() -> NDArray[np.float32]:

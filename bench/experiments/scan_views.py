@@ -64,7 +64,7 @@ def _bounce(context: Context, params: SsdoParams, cameras: int) -> NDArray[np.fl
         shadows = maps.shadows()
         views = further.drawn(context.view.scene, context.camera, gbuffer, context.punctual_lights)
         bounce = technique.run(
-            gbuffer, context.punctual_lights, shadows=shadows, views=dark(views) if cameras else ()
+            gbuffer, context.punctual_lights, shadows=shadows, auxiliary_views=dark(views) if cameras else ()
         ).bounce
         if bounce is None:
             return np.zeros((*context.size, 3), np.float32)

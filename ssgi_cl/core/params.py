@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import warnings
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable
 from functools import cache
 from typing import Any, Generic, Self, TypeVar, get_type_hints
 
@@ -134,28 +133,6 @@ class Prepared(Generic[Q]):
 
     def _set(self, params: Q) -> None:
         """Bring what is made of values up to date, before `params` take the place of the others."""
-
-
-def former_params(params: type[Q], owner: str, name: str, given: Any, former: Mapping[str, Any]) -> Q:
-    """Return parameters from arguments that a constructor took before, and warn.
-
-    Args:
-        params: the dataclass that takes their place.
-        owner: the class whose constructor it is.
-        name: of the parameter that stood where `params` is now.
-        given: its value; None if only others are given.
-        former: the others by name.
-
-    Raises:
-        TypeError: there is no such parameter, or there are parameters too.
-    """
-    if isinstance(given, Params):
-        raise TypeError(f"{owner}() got params and {', '.join(former)}: expected params alone")
-    values = {**({} if given is None else {name: given}), **former}
-    check_names(f"{owner}()", values, parameter_fields(params))
-    text = ", ".join(f"{key}={value!r}" for key, value in values.items())
-    warnings.warn(f"{owner}({text}) is now {owner}(params={params.__name__}({text}))", DeprecationWarning, stacklevel=3)
-    return params(**values)
 
 
 def parameter_fields(params: type[Params]) -> dict[str, dataclasses.Field[Any]]:

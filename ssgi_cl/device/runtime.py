@@ -108,12 +108,6 @@ class Runtime:
         self._working = False
         self._touched = False
 
-    @property
-    def form(self) -> KernelVariant:
-        """The former name of `variant`, for one release."""
-        warnings.warn("Runtime.form is now Runtime.variant", DeprecationWarning, stacklevel=2)
-        return self.variant
-
     @classmethod
     def open(
         cls, name: str | None = None, *, lanes: int | None = None, storage: str | None = None, keep: int | None = None
@@ -161,12 +155,6 @@ class Runtime:
 
     def __repr__(self) -> str:
         return f"<Runtime {self.info.label}, {self.variant}>"
-
-    @property
-    def room(self) -> DeviceMemory:
-        """The former name of `memory`."""
-        warnings.warn("Runtime.room is now Runtime.memory", DeprecationWarning, stacklevel=2)
-        return self.memory
 
     # ---- who uses it
 

@@ -329,7 +329,9 @@ def bounce_params(
         return MultiresPublishedParams(vpls=vpls)
     if name == "multires":
         # Shadow rays are shared by lights, which a hundredth would not show.
-        return MultiresSplatParams(vpls=vpls, visibility=True, grid=MOST_CELLS, error=0.05, light_error=0.05)
+        return MultiresSplatParams(
+            vpls=vpls, visibility=True, grid=MOST_CELLS, interpolation_error=0.05, light_error=0.05
+        )
     if name == "ssdo":
         chosen: dict[str, Any] = {} if method is None else {"method": method}
         return SsdoParams(radius=radius, resolution="half", emission=False, **chosen)

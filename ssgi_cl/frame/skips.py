@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from typing import Self
@@ -32,10 +31,6 @@ SKIPS = {
 """Skips by name, and the work that each leaves out. Results are bit-identical with and without."""
 
 
-_FORMER_SKIPS = {"window": "region"}
-"""Former names, which work for one release."""
-
-
 def chosen_skips(skips: object) -> frozenset[str]:
     """Return the names of the skips that are on.
 
@@ -49,10 +44,6 @@ def chosen_skips(skips: object) -> frozenset[str]:
         return frozenset(SKIPS) if skips else frozenset()
     if isinstance(skips, Iterable) and not isinstance(skips, str):
         skips = list(skips)
-        for former, name in _FORMER_SKIPS.items():
-            if former in skips:
-                warnings.warn(f"the skip {former!r} is called {name!r} now", DeprecationWarning, stacklevel=2)
-                skips = [name if each == former else each for each in skips]
     return frozenset(_names("skips", skips, tuple(SKIPS)))
 
 

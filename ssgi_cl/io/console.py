@@ -150,7 +150,7 @@ def report(
                 {
                     **facts,
                     "device": runtime.info.label,
-                    "form": str(runtime.variant),
+                    "variant": str(runtime.variant),
                     "passes": [
                         {
                             "name": p.name,

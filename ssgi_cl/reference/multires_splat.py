@@ -45,4 +45,4 @@ def multires_splat_reference(
     """
     every = EveryLight(params.cutoff, params.unit_distance, params.near)
     truth = vpl_splat_reference(gbuffer, vpls, every)
-    return multires_grid_reference(gbuffer, truth, params.error * mean, params)
+    return multires_grid_reference(gbuffer, truth, params.interpolation_error * mean, params)

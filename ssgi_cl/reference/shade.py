@@ -36,7 +36,7 @@ def shade_reference(
     gbuffer: GBuffer,
     lights: Sequence[Light],
     *,
-    rsms: Sequence[ReflectiveShadowMap | None] | None = None,
+    shadow_maps: Sequence[ReflectiveShadowMap | None] | None = None,
     ao: ArrayLike | None = None,
     indirect: ArrayLike | None = None,
     multi_bounce: bool = False,
@@ -45,7 +45,7 @@ def shade_reference(
     """Return radiance [rows, columns, 3]; the arguments are those of `shade`."""
     position, normal, there = world_surface(gbuffer)
     irradiance = np.zeros((*gbuffer.size, 3))
-    maps = list(rsms) if rsms is not None else [None] * len(lights)
+    maps = list(shadow_maps) if shadow_maps is not None else [None] * len(lights)
     for light, rsm in zip(lights, maps, strict=True):
         if isinstance(light, Environment):
             continue

@@ -33,9 +33,9 @@ def ssao_reference(gbuffer: GBuffer, params: SsaoParams) -> NDArray[np.float64]:
 def falloff(d: Doubles, params: SsaoParams) -> Doubles:
     """Return the occlusion by a surface d radii in front of a sample."""
     if params.falloff == "exponential":
-        return np.exp(-params.rate * d)
+        return np.exp(-params.falloff_rate * d)
     if params.falloff == "ramp":
-        ramp = np.clip((params.none - d) / (params.none - params.full), 0.0, 1.0)
+        ramp = np.clip((params.ramp_end - d) / (params.ramp_end - params.ramp_start), 0.0, 1.0)
         return ramp**params.power
     values = np.asarray(params.falloff, np.float64)
     return np.interp(d, np.linspace(0.0, params.falloff_end, len(values)), values, right=0.0)

@@ -43,9 +43,6 @@ def of_kind(kind: str) -> dict[str, Technique]:
 TECHNIQUES: dict[str, Technique] = of_kind("ao")
 """Techniques of ambient occlusion by name."""
 
-Entry = Technique
-"""The former name of the descriptor."""
-
 
 def table(techniques: Iterable[Technique] = CATALOGUE.values()) -> str:
     """Return a table in Markdown: what each technique is, what it reads and what it gives."""

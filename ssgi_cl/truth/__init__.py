@@ -20,3 +20,7 @@ __all__ = [
     "one_bounce",
     "radiance",
 ]
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -16,6 +16,13 @@ from ssgi_cl.core import checks
 from ssgi_cl.core.errors import MissingExtraError
 from ssgi_cl.core.gbuffer import GBuffer
 
+__all__ = ["PIXELS_PER_DEGREE", "REGIONS", "bias", "flip", "hdr_flip", "mrse", "p99", "psnr", "regions", "rmse", "ssim"]
+
+
+def __dir__() -> list[str]:
+    return __all__
+
+
 Doubles = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 

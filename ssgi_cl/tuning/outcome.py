@@ -6,7 +6,6 @@ import dataclasses
 import json
 import math
 import os
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -123,12 +122,6 @@ class Tuning:
     truth: Mapping[str, Any]
     date: str
     version: str
-
-    @property
-    def form(self) -> str:
-        """The former name of `variant`, for one release."""
-        warnings.warn("Tuning.form is now Tuning.variant", DeprecationWarning, stacklevel=2)
-        return self.variant
 
     def front(self) -> list[Trial]:
         """Return the points of which none other is both faster and better, the fastest first."""

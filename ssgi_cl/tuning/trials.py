@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.params import parameter_fields
 from ssgi_cl.device.gbuffer import DeviceGBuffer
-from ssgi_cl.techniques.catalogue import Entry
+from ssgi_cl.techniques.technique import Technique
 from ssgi_cl.truth import metrics
 from ssgi_cl.tuning.calibration import GatherLoad
 from ssgi_cl.tuning.context import Context
@@ -68,7 +68,7 @@ class Trials:
 
     def __init__(
         self,
-        entry: Entry,
+        entry: Technique,
         contexts: Sequence[Context],
         fixed: Mapping[str, Any],
         metric: str,

@@ -10,11 +10,12 @@ from typing import Any
 from ssgi_cl.core import checks
 from ssgi_cl.core.params import Params
 from ssgi_cl.rasterize.scenes import REPORTED, TUNED_ON, VALIDATED_ON, BuiltinScene, make_scene
-from ssgi_cl.techniques.catalogue import TECHNIQUES, Entry
+from ssgi_cl.techniques.catalogue import TECHNIQUES
+from ssgi_cl.techniques.technique import Technique
 from ssgi_cl.tuning.search import Axis
 
 
-def entry_of(technique: str) -> Entry:
+def entry_of(technique: str) -> Technique:
     """Return a technique's entry; ValueError names those that exist."""
     return TECHNIQUES[checks.choice("technique", technique, sorted(TECHNIQUES))]
 

@@ -15,7 +15,8 @@ from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import BuiltinScene
 from ssgi_cl.rasterize.view import MOST_LAYERS
-from ssgi_cl.techniques.catalogue import TECHNIQUES, Entry
+from ssgi_cl.techniques.catalogue import TECHNIQUES
+from ssgi_cl.techniques.technique import Technique
 from ssgi_cl.truth.digests import scene_digest
 from ssgi_cl.tuning.context import Context, Progress, TruthSettings
 from ssgi_cl.tuning.outcome import Bound, TuneError, Tuning
@@ -116,7 +117,7 @@ class Session:
 
     def __init__(
         self,
-        entry: Entry,
+        entry: Technique,
         views: Sequence[BuiltinScene],
         *,
         size: Size = SIZE,

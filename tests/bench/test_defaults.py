@@ -67,7 +67,7 @@ def test_shadow_error_is_that_of_the_kernel_against_rays(box: Context, runtime: 
         albedo=np.ones((*SIZE, 3), np.float32),
     )
     rsm = gi.rasterize.rsm(box.view.scene, light, size=1024, runtime=runtime)
-    full, dimmed = (gi.shade(white, [light], rsms=rsms, runtime=runtime)[..., 0] for rsms in (None, [rsm]))
+    full, dimmed = (gi.shade(white, [light], shadow_maps=rsms, runtime=runtime)[..., 0] for rsms in (None, [rsm]))
     lit = (full > 0) & box.seen
     pytest.importorskip("mitsuba")
     truth = box.direct().mean[..., 0][lit] > 0.0

@@ -35,14 +35,6 @@ def test_stamped_document_reads_back(tmp_path: Path, runtime: Runtime) -> None:
     assert document.read(tmp_path / "a.json") == written
 
 
-def test_a_document_from_before_the_variant_was_called_so_is_read(tmp_path: Path) -> None:
-    written = whole(entry())
-    wanted = json.loads(json.dumps(written))
-    written["device"]["form"] = written["device"].pop("variant")
-    (tmp_path / "a.json").write_text(json.dumps(written), encoding="utf-8")
-    assert document.read(tmp_path / "a.json") == wanted
-
-
 def test_revision_is_that_of_the_checkout_and_tells_changes(tmp_path: Path) -> None:
     def git(*arguments: str) -> None:
         subprocess.run(

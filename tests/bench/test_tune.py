@@ -180,9 +180,9 @@ def test_best_that_fails_when_timed_again_gives_way_to_the_next(
 @pytest.mark.usefixtures("formulas")
 def test_parameters_that_rule_each_other_out_are_skipped(runtime: Runtime) -> None:
     def full_below_none(trial: Trial) -> bool:
-        return bool(trial.parameters["full"] < trial.parameters["none"])
+        return bool(trial.parameters["ramp_start"] < trial.parameters["ramp_end"])
 
-    varied = {"full": (0.0, 4.0), "none": (0.5, 4.5), **VARIED}
+    varied = {"ramp_start": (0.0, 4.0), "ramp_end": (0.5, 4.5), **VARIED}
     tuning = gi.tune("ssao", budget_ms=5.0, parameters=varied, scenes=[little_scene()], runtime=runtime)
     assert len(tuning.tried) > 20
     assert all(full_below_none(trial) for trial in tuning.tried)
@@ -220,8 +220,6 @@ def test_saved_tuning_tells_all_it_depends_on(runtime: Runtime, tmp_path: Path) 
     assert document["size"] == [300, 400]
     assert document["device"] == runtime.info.label
     assert document["variant"] == str(runtime.variant)
-    with pytest.warns(DeprecationWarning, match=r"Tuning\.form is now Tuning\.variant"):
-        assert tuning.form == tuning.variant
     assert document["truth"]["rays"] >= 256
     assert document["version"] == gi.__version__
 
@@ -372,6 +370,6 @@ def test_what_the_entries_call_tunable_is_allowed() -> None:
         for name, values in entry.tunable.items():
             axis = axis_of(entry.params, name, values)
             for u in (0.0, 0.5, 1.0):
-                # Each value alone is in range; `none` must exceed `full`.
-                rest = {"none": 1e3} if name == "full" else {"full": 0.0} if name == "none" else {}
+                # Each value alone is in range; `ramp_end` must exceed `ramp_start`.
+                rest = {"ramp_end": 1e3} if name == "ramp_start" else {"ramp_start": 0.0} if name == "ramp_end" else {}
                 entry.params(**{name: axis.at(u), **rest})

@@ -78,7 +78,7 @@ def directional(method: str) -> Any:
             slices=1,
             taps=4,
             samples=4,
-            lamp_taps=4,
+            shadow_taps=4,
             bounce=draw(st.booleans()),
         )
         for irradiance in both:
@@ -116,7 +116,7 @@ def shading(draw: Draw, runtime: Runtime) -> None:
         shade(
             gbuffer,
             punctual_lights,
-            rsms=rsms,
+            shadow_maps=rsms,
             ao=ao,
             indirect=indirect,
             multi_bounce=draw(st.booleans()),

@@ -206,7 +206,7 @@ def test_surfaces_get_no_more_than_the_brightest_sends(
     sent = hdr(np.random.default_rng(seed), (*np.shape(gbuffer.first("depth")), 3))
     sky = 0.5
     direct, bounce = ssdo(
-        gbuffer, [Environment(sky)], radius, radiance=sent, runtime=runtime, slices=1, taps=4, samples=4, lamp_taps=4
+        gbuffer, [Environment(sky)], radius, radiance=sent, runtime=runtime, slices=1, taps=4, samples=4, shadow_taps=4
     )
     # All sectors together are the hemisphere, whose cosines sum to pi.
     assert direct.max() <= math.pi * sky * (1.0 + 1e-5)

@@ -128,7 +128,7 @@ def test_a_technique_reads_what_its_descriptor_says(runtime: Runtime, given: Inp
 
 
 def test_lights_and_maps_are_arguments() -> None:
-    for technique, name in product(CATALOGUE.values(), ("lights", "rsms", "scene", "image")):
+    for technique, name in product(CATALOGUE.values(), ("lights", "rsms", "shadow_maps", "scene", "image")):
         names = set(inspect.signature(technique.function).parameters)
         given_name = "radiance" if technique.name == "tonemap" and name == "image" else name
         assert (given_name in names) == (name in technique.reads), (technique.name, name)
@@ -159,26 +159,6 @@ def test_constructors_have_one_order(technique: Technique) -> None:
     assert technique.params in (keywords["params"], *get_args(keywords["params"])) or (
         issubclass(technique.technique, OcclusionTechnique) and technique.technique.defaults is technique.params
     )
-
-
-def test_former_arguments_of_constructors_work_and_warn(runtime: Runtime) -> None:
-    for make, params in (
-        (lambda: gi.Tonemap(runtime, (2, 3), "clip"), gi.TonemapParams(curve="clip")),
-        (lambda: gi.Tonemap(runtime, (2, 3), curve="clip"), gi.TonemapParams(curve="clip")),
-        (lambda: gi.Upsample(runtime, (2, 3), 4), gi.UpsampleParams(step=4)),
-        (
-            lambda: gi.Upsample(runtime, (2, 3), 2, 3, background=1.0, normal_sigma=0.1),
-            gi.UpsampleParams(step=2, background=1.0, normal_sigma=0.1),
-        ),
-        (lambda: gi.Upsample(runtime, (2, 3), step=4), gi.UpsampleParams(step=4)),
-    ):
-        with pytest.warns(DeprecationWarning, match=r"is now \w+\(params=\w+Params\(") as found:
-            assert make().params == params
-        assert found[0].filename == __file__
-    with pytest.raises(TypeError, match=r"Tonemap\(\) .* 'curv': did you mean 'curve'"):
-        gi.Tonemap(runtime, (2, 3), curv="clip")
-    with pytest.raises(TypeError, match="expected params alone"):
-        gi.Tonemap(runtime, (2, 3), gi.TonemapParams(), curve="clip")
 
 
 def test_shading_and_tone_mapping_take_their_parameters(runtime: Runtime, given: Inputs) -> None:

@@ -280,9 +280,9 @@ def test_second_call_allocates_and_builds_nothing(variant_runtime: Runtime, rng:
     [
         ({"method": "best"}, ValueError, r"method is 'best': expected one of 'adaptive', 'publish"),
         (
-            {"error": 0.02, "method": "published"},
+            {"interpolation_error": 0.02, "method": "published"},
             ValueError,
-            r"error=0.02 applies only to method='adaptive' \(got method='published'\)",
+            r"interpolation_error=0.02 applies only to method='adaptive' \(got method='published'\)",
         ),
         ({"visibility": True, "method": "published"}, ValueError, r"visibility=True applies only to method='adaptive'"),
         ({"levels": 5}, ValueError, r"levels=5 applies only to method='published' \(got method='adaptive'\)"),

@@ -110,7 +110,7 @@ def test_every_kernel_variant_gives_the_same_result(
 def test_kernels_agree_with_numpy_reference(runtime: Runtime, rng: np.random.Generator, params: dict[str, Any]) -> None:
     gbuffer, vpls = scene("ball", camera(size=(61, 87)), rng), lights(rng, 100)
     e, technique = splatted(runtime, gbuffer, vpls, light_error=0.0, **params)
-    mean = float(technique.tree.limits.download()[0]) / technique.params.error
+    mean = float(technique.tree.limits.download()[0]) / technique.params.interpolation_error
     wanted, steps = multires_splat_reference(gbuffer, vpls, technique.params, mean)
     computed = technique.grid.computed()
     assert 0.02 < np.mean(steps > 0) < 0.8
@@ -127,7 +127,7 @@ def test_errors_are_shares_of_the_mean_with_few_lights_and_many(runtime: Runtime
     gbuffer, vpls = box(runtime, count=count)
     e, technique = splatted(runtime, gbuffer, vpls)
     seen = np.isfinite(gbuffer.inner(np.asarray(gbuffer.depth)))
-    mean = float(technique.tree.limits.download()[0]) / technique.params.error
+    mean = float(technique.tree.limits.download()[0]) / technique.params.interpolation_error
     # The points of the coarsest level are few, and runs are not their lights: 5 % here.
     np.testing.assert_allclose(mean, e[seen].mean(), rtol=0.15)
 
@@ -143,7 +143,7 @@ def test_few_pixels_and_few_lights_are_close_to_all(runtime: Runtime, name: str)
     seen = np.isfinite(np.asarray(gbuffer.depth))
     errors, pixels = [], []
     for error in (0.005, 0.01, 0.04):
-        e, technique = splatted(runtime, gbuffer, vpls, error=error, light_error=0.5 * error)
+        e, technique = splatted(runtime, gbuffer, vpls, interpolation_error=error, light_error=0.5 * error)
         errors.append(relative(e - every, every, seen))
         pixels.append(sum(technique.grid.counts().values()))
     # The error is estimated, not bounded: at corners light bends more than samples can tell.
@@ -184,8 +184,8 @@ def test_sharp_light_on_a_flat_wall_is_not_blurred(runtime: Runtime) -> None:
     )
     wanted = full(gbuffer, vpls)
     seen = np.ones(wanted.shape[:2], np.bool_)
-    sharp, technique = splatted(runtime, gbuffer, vpls, error=0.01)
-    blurred, coarse = splatted(runtime, gbuffer, vpls, error=1e6)
+    sharp, technique = splatted(runtime, gbuffer, vpls, interpolation_error=0.01)
+    blurred, coarse = splatted(runtime, gbuffer, vpls, interpolation_error=1e6)
     assert relative(sharp - wanted, wanted, seen) < 0.01
     assert relative(blurred - wanted, wanted, seen) > 3.0 * relative(sharp - wanted, wanted, seen)
     assert sum(coarse.grid.counts().values()) < sum(technique.grid.counts().values()) < 4000
@@ -344,7 +344,9 @@ def test_the_less_light_the_more_lights_share_a_ray(
     variant_runtime: Runtime, walled: tuple[GBuffer, Any, Vpls], light_error: float
 ) -> None:
     gbuffer, seen, vpls = walled
-    params = MultiresSplatParams(vpls=500, coarsest=1, error=0.0, light_error=light_error, visibility=True, grid=32)
+    params = MultiresSplatParams(
+        vpls=500, coarsest=1, interpolation_error=0.0, light_error=light_error, visibility=True, grid=32
+    )
     technique = MultiresSplat(variant_runtime, gbuffer.size, params)
     device, map_ = uploaded(variant_runtime, gbuffer), on_device_rsm(seen, variant_runtime)
     e = np.moveaxis(technique.run(device, vpls, rsms=[map_]).download(), 0, -1)
@@ -481,8 +483,8 @@ def test_noise_in_the_normals_costs_little_more_than_every_pixel(runtime: Runtim
 def test_errors_of_nothing_and_of_everything_are_limits(runtime: Runtime) -> None:
     gbuffer, vpls = box(runtime)
     every, seen = full_on_device(runtime, gbuffer, vpls), np.isfinite(np.asarray(gbuffer.depth))
-    exact, most = splatted(runtime, gbuffer, vpls, error=0.0, light_error=0.0)
-    gradient, least = splatted(runtime, gbuffer, vpls, error=1e6, light_error=1e6)
+    exact, most = splatted(runtime, gbuffer, vpls, interpolation_error=0.0, light_error=0.0)
+    gradient, least = splatted(runtime, gbuffer, vpls, interpolation_error=1e6, light_error=1e6)
     # With no error allowed, what is left to interpolate lies on straight lines but for rounding.
     assert relative(exact - every, every, seen) < 1e-4
     assert np.isfinite(gradient).all()
@@ -512,7 +514,11 @@ def test_second_call_allocates_and_builds_nothing_and_gives_bit_identical_result
     ("params", "error", "message"),
     [
         ({"vpls": 0}, ValueError, r"vpls is 0: expected an integer >= 1"),
-        ({"error": -0.1}, ValueError, r"error is -0.1: expected a number >= 0.*mean irradiance"),
+        (
+            {"interpolation_error": -0.1},
+            ValueError,
+            r"interpolation_error is -0.1: expected a number >= 0.*mean irradiance",
+        ),
         ({"light_error": math.nan}, ValueError, r"light_error is nan: expected a number"),
         ({"cutoff": -1.0}, ValueError, r"cutoff is -1.0: expected a number >= 0"),
         ({"near": "far"}, ValueError, r"near is 'far': expected one of 'disk', 'clamped'"),

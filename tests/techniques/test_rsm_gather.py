@@ -46,7 +46,7 @@ GATHER_METHODS: dict[str, dict[str, Any]] = {
     "flux": {},
     "fixed": {"pattern": "fixed"},
     "rotated": {"pattern": "rotated"},
-    "every": {"resolution": "adaptive", "error": 0.0},
+    "every": {"resolution": "adaptive", "interpolation_error": 0.0},
 }
 REFERENCE = 1e-4
 """Relative to the mean and to the pixel itself. Measured in nearly all: 4e-5 at most, 4e-7 in the
@@ -376,7 +376,7 @@ def test_fewer_pixels_are_within_the_error_that_is_allowed(runtime: Runtime) -> 
     every = rsm_gather(large, seen, runtime=runtime)
     fractions, off = [], []
     for error in (0.01, 0.03):
-        params = RsmGatherParams(resolution="adaptive", error=error)
+        params = RsmGatherParams(resolution="adaptive", interpolation_error=error)
         technique = RsmGather(runtime, large.size, params)
         off.append(relative(technique(large, seen), every))
         fractions.append(technique.computed)
@@ -408,7 +408,7 @@ def test_images_of_any_size(
     variant_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int], resolution: str
 ) -> None:
     gbuffer = scene("corner", camera(size=size), rng)
-    params = RsmGatherParams(samples=20, resolution=resolution, error=0.0)
+    params = RsmGatherParams(samples=20, resolution=resolution, interpolation_error=0.0)
     e = RsmGather(variant_runtime, size, params)(gbuffer, box_map())
     assert share_off(e, rsm_gather_reference(gbuffer, box_map(), params)) <= FLIPS
 
@@ -544,7 +544,7 @@ def test_a_scene_of_any_scale_gives_numbers_or_is_refused(runtime: Runtime, size
         ({"spacing": 4}, ValueError, r"spacing=4 applies only to method='published' \(got method"),
         ({"pattern": "disk"}, ValueError, r"pattern is 'disk': expected one of 'flux', 'fixed'"),
         ({"resolution": "third"}, ValueError, r"resolution is 'third': expected one of 'full'"),
-        ({"error": -0.1}, ValueError, r"error is -0.1: expected a number >= 0"),
+        ({"interpolation_error": -0.1}, ValueError, r"interpolation_error is -0.1: expected a number >= 0"),
         ({"plane_tolerance": math.inf}, ValueError, r"plane_tolerance is inf: expected a number"),
         ({"colour": 1}, TypeError, r"colour"),
     ],

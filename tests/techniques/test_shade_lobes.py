@@ -99,8 +99,8 @@ def test_shadows_hide_lights_from_lobes_too(runtime: Runtime) -> None:
     light = next(light for light in built.lights if not isinstance(light, Environment))
     black = replace(gbuffer, albedo=np.zeros_like(gbuffer.albedo), emission=None)
     maps = [rsm(built.scene, light, size=256, runtime=runtime)]
-    found = shade(black, [light], rsms=maps, runtime=runtime)
-    expected = shade_reference(black, [light], rsms=maps)
+    found = shade(black, [light], shadow_maps=maps, runtime=runtime)
+    expected = shade_reference(black, [light], shadow_maps=maps)
     # Receivers on the border of a texel's shadow may fall to either side.
     assert share_off(found, expected, 1e-3) < 5e-3
     assert found.sum() < 0.8 * shade(black, [light], runtime=runtime).sum()

@@ -55,7 +55,7 @@ def shadow_factor(
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Return the share of light that the shadow map lets through, and where there is light."""
     full = shade(white(gbuffer), [light], runtime=runtime)[..., 0]
-    dimmed = shade(white(gbuffer), [light], rsms=[rsm], runtime=runtime)[..., 0]
+    dimmed = shade(white(gbuffer), [light], shadow_maps=[rsm], runtime=runtime)[..., 0]
     lit = (full > 0) & np.isfinite(np.asarray(gbuffer.depth))
     return np.where(lit, dimmed.astype(np.float64) / np.where(lit, full, 1.0), 1.0), lit
 
@@ -81,8 +81,8 @@ def test_shadow_agrees_with_reference_on_every_kernel_variant(variant_runtime: R
     }[name]
     gbuffer = white(gi.rasterize.gbuffer(made.scene, made.camera(96, 72), runtime=variant_runtime))
     rsm = gi.rasterize.rsm(made.scene, light, size=128, runtime=variant_runtime)
-    radiance = shade(gbuffer, [light], rsms=[rsm], runtime=variant_runtime)
-    expected = shade_reference(gbuffer, [light], rsms=[rsm])
+    radiance = shade(gbuffer, [light], shadow_maps=[rsm], runtime=variant_runtime)
+    expected = shade_reference(gbuffer, [light], shadow_maps=[rsm])
     # A texel at its limit may count or not; measured: none of 20736 pixels.
     assert off(radiance, expected) <= FLIPS
     assert 0.05 < np.mean(radiance > 0) < 0.95
@@ -311,8 +311,8 @@ def test_lights_without_a_map_cast_no_shadow(runtime: Runtime) -> None:
     gbuffer = gi.rasterize.gbuffer(made.scene, made.camera(48, 36), runtime=runtime)
     punctual_lights = (made.lights[0], PointLight((0.2, 0.3, 0.1), 1.0))
     maps = [None, gi.rasterize.rsm(made.scene, punctual_lights[1], size=64, runtime=runtime)]
-    both = shade(gbuffer, punctual_lights, rsms=maps, runtime=runtime)
-    expected = shade_reference(gbuffer, punctual_lights, rsms=maps)
+    both = shade(gbuffer, punctual_lights, shadow_maps=maps, runtime=runtime)
+    expected = shade_reference(gbuffer, punctual_lights, shadow_maps=maps)
     assert off(both, expected) <= FLIPS
 
 
@@ -337,7 +337,7 @@ def test_light_inside_a_solid_does_not_light_its_outside(runtime: Runtime) -> No
     gbuffer = white(gi.rasterize.gbuffer(box, made, runtime=runtime))
     light = PointLight((0.1, 0.4, 0.0), 1.0)
     rsm = gi.rasterize.rsm(box, light, size=256, runtime=runtime)
-    radiance = shade(gbuffer, [light], rsms=[rsm], runtime=runtime)
+    radiance = shade(gbuffer, [light], shadow_maps=[rsm], runtime=runtime)
     position, _, there = world_surface(gbuffer)
     # Away from the box's contact with the floor: the filter's outer texels are taken along the
     # floor, 2.5 texels of 0.01 units, and what is nearer by as much does not shadow them.

@@ -62,14 +62,14 @@ def test_kernel_agrees_with_reference(variant_runtime: Runtime, name: str) -> No
     gbuffer = white(gi.rasterize.gbuffer(SCENE, eye(61, 45), runtime=variant_runtime))
     gbuffer = replace(gbuffer, specular=None, gloss=None)
     maps = [gi.rasterize.rsm(SCENE, light, size=96, runtime=variant_runtime)]
-    found = shade(gbuffer, [light], rsms=maps, runtime=variant_runtime)
-    expected = shade_reference(gbuffer, [light], rsms=maps)
+    found = shade(gbuffer, [light], shadow_maps=maps, runtime=variant_runtime)
+    expected = shade_reference(gbuffer, [light], shadow_maps=maps)
     off = np.abs(found - expected)[..., 0] / expected.max()
     # A tap of 48 that falls to the other side of a texel's border is 1/48 of the light.
     assert (off < 1e-4).mean() > 0.9
     assert np.quantile(off, 0.995) < 0.05
     assert (off < 0.25).all()
-    penumbra = np.abs(expected - shade_reference(gbuffer, [hard(light)], rsms=maps))[..., 0] > 0.01
+    penumbra = np.abs(expected - shade_reference(gbuffer, [hard(light)], shadow_maps=maps))[..., 0] > 0.01
     assert penumbra.sum() > 20
     assert (off[penumbra] < 2e-3).mean() > 0.8
 
@@ -102,7 +102,7 @@ def test_the_penumbra_grows_with_the_way_from_the_blocker(runtime: Runtime) -> N
         floor = boxes([((0, -0.05, 0), (6, 0.05, 6))])
         gbuffer = white(gi.rasterize.gbuffer(floor, made, runtime=runtime))
         maps = [gi.rasterize.rsm(scene, light, size=1024, runtime=runtime)]
-        share = shade(gbuffer, [light], rsms=maps, runtime=runtime)[16, :, 0] * np.pi
+        share = shade(gbuffer, [light], shadow_maps=maps, runtime=runtime)[16, :, 0] * np.pi
         assert share[0] < 0.01 or share[-1] < 0.01
         widths.append(float(((share > 0.03) & (share < 0.97)).sum()) / 128)
     # Chords that cut .03 to .97 of a disc's area off span .86 of its width.
@@ -116,7 +116,7 @@ def test_planes_do_not_shadow_themselves(runtime: Runtime) -> None:
     gbuffer = white(gi.rasterize.gbuffer(scene, eye(64, 48), runtime=runtime))
     for light in LIGHTS.values():
         maps = [gi.rasterize.rsm(scene, light, size=128, runtime=runtime)]
-        dimmed: NDArray[np.float32] = shade(gbuffer, [light], rsms=maps, runtime=runtime)
+        dimmed: NDArray[np.float32] = shade(gbuffer, [light], shadow_maps=maps, runtime=runtime)
         np.testing.assert_array_equal(dimmed, shade(gbuffer, [light], runtime=runtime))
 
 
@@ -128,6 +128,6 @@ def test_empty_maps_and_huge_lights_leave_finite_light(runtime: Runtime) -> None
         DirectionalLight((0, -1, 0), 1.0, angle=0.5),
     ):
         maps = [gi.rasterize.rsm(SCENE, light, size=16, runtime=runtime)]
-        found = shade(gbuffer, [light], rsms=maps, runtime=runtime)
+        found = shade(gbuffer, [light], shadow_maps=maps, runtime=runtime)
         assert np.isfinite(found).all()
         assert (found >= 0.0).all()

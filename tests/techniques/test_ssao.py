@@ -76,8 +76,8 @@ def test_blurred_result_agrees_with_numpy_reference_at_every_resolution(
 
 VARIANTS: dict[str, dict[str, Any]] = {
     "ball": {"hemisphere": False},
-    "exponential": {"falloff": "exponential", "rate": 2.0, "outside": "open", "hemisphere": False},
-    "power": {"full": 0.3, "none": 0.9, "power": 1.7, "samples": 7, "length_power": 1 / 3},
+    "exponential": {"falloff": "exponential", "falloff_rate": 2.0, "outside": "open", "hemisphere": False},
+    "power": {"ramp_start": 0.3, "ramp_end": 0.9, "power": 1.7, "samples": 7, "length_power": 1 / 3},
     "values": {"falloff": (1.0, 0.6, 0.5, 0.0), "falloff_end": 0.8, "outside": 3.0},
     "radii": {"radius": (0.2, 0.6, 1.5), "max_radius_px": 9.0},
     "more samples near the eye": {"near_px": 5.0, "max_samples": 40, "bias": 0.1},
@@ -184,10 +184,10 @@ def occlusion_by_formula(params: SsaoParams, row: int, column: int, weight: Any)
 
 
 FALLOFFS: dict[str, tuple[dict[str, Any], Any]] = {
-    "exponential": ({"falloff": "exponential", "rate": 2.5}, lambda d: np.exp(-2.5 * d)),
+    "exponential": ({"falloff": "exponential", "falloff_rate": 2.5}, lambda d: np.exp(-2.5 * d)),
     "constant": ({}, np.ones_like),
-    "ramp": ({"full": 0.2, "none": 0.7}, lambda d: np.clip((0.7 - d) / 0.5, 0, 1)),
-    "power": ({"full": 0.2, "none": 0.7, "power": 2.2}, lambda d: np.clip((0.7 - d) / 0.5, 0, 1) ** 2.2),
+    "ramp": ({"ramp_start": 0.2, "ramp_end": 0.7}, lambda d: np.clip((0.7 - d) / 0.5, 0, 1)),
+    "power": ({"ramp_start": 0.2, "ramp_end": 0.7, "power": 2.2}, lambda d: np.clip((0.7 - d) / 0.5, 0, 1) ** 2.2),
     "values": (
         {"falloff": (1.0, 0.25, 0.75), "falloff_end": 0.8},
         lambda d: np.where(d <= 0.8, np.interp(d, (0.0, 0.4, 0.8), (1.0, 0.25, 0.75)), 0.0),
@@ -491,7 +491,7 @@ def _uploaded(runtime: Runtime, gbuffer: GBuffer) -> DeviceGBuffer:
         ({"outside": "mirror"}, ValueError, r"outside is 'mirror': expected one of 'unknown'"),
         ({"outside": -1.0}, ValueError, r"outside is -1.0: expected a number > 0"),
         ({"resolution": "third"}, ValueError, r"resolution is 'third': expected one of 'full'"),
-        ({"full": 2.0, "none": 1.0}, ValueError, r"none is 1.0: expected more than full"),
+        ({"ramp_start": 2.0, "ramp_end": 1.0}, ValueError, r"ramp_end is 1.0: expected more than ramp_start"),
         ({"max_samples": 3}, ValueError, r"max_samples is 3: expected 0 or at least samples, 16"),
         ({"hemisphere": 1}, TypeError, r"hemisphere is 1: expected True or False"),
         ({"blur_radius": 17}, ValueError, r"blur_radius is 17: expected an integer >= 0 and <= 16"),

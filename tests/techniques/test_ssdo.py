@@ -84,7 +84,7 @@ def test_bent_normals_are_those_of_gtao_if_slices_are_many(runtime: Runtime, cor
     )
     many: dict[str, Any] = {"slices": 8, "taps": 32, "blur_radius": 0, "bent_normals": True}
     further = [one] * views  # sees nothing more
-    _, _, bent = ssdo(one, [SKY, SUN], 1.0, views=further, runtime=runtime, **many)
+    _, _, bent = ssdo(one, [SKY, SUN], 1.0, auxiliary_views=further, runtime=runtime, **many)
     _, wanted = gi.gtao(one, 1.0, runtime=runtime, **many)
     np.testing.assert_allclose(np.linalg.norm(bent, axis=-1), 1.0, rtol=1e-5)
     # Horizons hide all below them, pieces what they cover; neither is right at a silhouette.
@@ -94,7 +94,7 @@ def test_bent_normals_are_those_of_gtao_if_slices_are_many(runtime: Runtime, cor
 
 def test_lights_shine_as_they_do_in_shading(variant_runtime: Runtime, corner: GBuffer) -> None:
     lights = [LAMP, SUN]
-    options: dict[str, Any] = {"runtime": variant_runtime, "lamp_taps": 0}
+    options: dict[str, Any] = {"runtime": variant_runtime, "shadow_taps": 0}
     direct, _ = ssdo(corner, lights, bounce=False, **options)
     white = replace(corner, albedo=np.ones_like(corner.albedo))
     expected = np.pi * shade(white, lights, runtime=variant_runtime)
@@ -112,9 +112,9 @@ def test_shadow_maps_dim_direct_light_and_what_it_makes_surfaces_send(runtime: R
     dark = replace(gbuffer, emission=None)
     rsm = gi.rasterize.rsm(made.scene, punctual_light, size=128, runtime=runtime)
     options: dict[str, Any] = {"radius": 0.3, "method": "points", "runtime": runtime}
-    with_map = ssdo(dark, [punctual_light], rsms=[rsm], **options)
+    with_map = ssdo(dark, [punctual_light], shadow_maps=[rsm], **options)
     marched = ssdo(dark, [punctual_light], **options)
-    without = ssdo(dark, [punctual_light], lamp_taps=0, **options)
+    without = ssdo(dark, [punctual_light], shadow_taps=0, **options)
     for by_map, by_march, open_ in zip(with_map, marched, without, strict=True):
         assert (means(by_map) < 0.95 * means(open_)).all()
         assert (means(by_march) < 0.97 * means(open_)).all()
@@ -204,14 +204,16 @@ def test_further_cameras_hide_and_send_more(runtime: Runtime, method: str) -> No
     punctual_light = made.lights[0]
     options: dict[str, Any] = {"radius": 1.0, "runtime": runtime, "method": method}
     alone = ssdo(gbuffer, [punctual_light, SKY], **options)
-    one, two = (ssdo(gbuffer, [punctual_light, SKY], views=views[:n], **options) for n in (1, 2))
+    one, two = (ssdo(gbuffer, [punctual_light, SKY], auxiliary_views=views[:n], **options) for n in (1, 2))
     for fewer, more in ((alone, one), (one, two)):
         assert (means(more[0]) < means(fewer[0])).all(), "less of the sky is seen"
         assert (means(more[1]) > means(fewer[1])).all(), "more surfaces send"
     # A camera that sees nothing of it changes nothing.
     away = gi.Camera.look_at((50, 0, 0), (99, 0, 0), width=32, height=24)
     blind = gi.rasterize.gbuffer(made.scene, away, runtime=runtime)
-    for with_it, without in zip(ssdo(gbuffer, [punctual_light, SKY], views=[blind], **options), alone, strict=True):
+    for with_it, without in zip(
+        ssdo(gbuffer, [punctual_light, SKY], auxiliary_views=[blind], **options), alone, strict=True
+    ):
         np.testing.assert_array_equal(with_it, without)
 
 
@@ -227,7 +229,7 @@ def test_view_taps_are_how_many_depths_are_read_in_how_many_directions(runtime: 
 def test_more_view_taps_come_closer_to_what_many_find(runtime: Runtime) -> None:
     made, gbuffer, views = box_with_views(runtime, 1)
     few, more, most = (
-        ssdo(gbuffer, [made.lights[0]], radius=1.0, views=views, view_taps=taps, runtime=runtime)[1]
+        ssdo(gbuffer, [made.lights[0]], radius=1.0, auxiliary_views=views, view_taps=taps, runtime=runtime)[1]
         for taps in (4, 16, 64)
     )
     assert np.abs(more - most).mean() < 0.7 * np.abs(few - most).mean()
@@ -253,8 +255,8 @@ def test_parameter_of_another_method_is_refused(method: str, name: str, value: f
 
 
 def test_views_must_be_gbuffers(runtime: Runtime, corner: GBuffer) -> None:
-    with pytest.raises(TypeError, match=r"views\[1\] is str: expected GBuffer"):
-        ssdo(corner, [SKY], views=[corner, "left"], runtime=runtime)  # type: ignore[list-item]
+    with pytest.raises(TypeError, match=r"auxiliary_views\[1\] is str: expected GBuffer"):
+        ssdo(corner, [SKY], auxiliary_views=[corner, "left"], runtime=runtime)  # type: ignore[list-item]
 
 
 # ---- what is not needed
@@ -275,7 +277,7 @@ def test_without_light_all_is_zero_and_the_reason_is_told(runtime: Runtime, corn
 
 def test_without_bounce_only_the_sky_is_looked_for(runtime: Runtime, corner: GBuffer) -> None:
     # Shadows that are looked for in the image differ by the noise that the blur leaves.
-    options: dict[str, Any] = {"runtime": runtime, "method": "points", "lamp_taps": 0}
+    options: dict[str, Any] = {"runtime": runtime, "method": "points", "shadow_taps": 0}
     direct, bounce = ssdo(corner, [SKY, LAMP], bounce=False, **options)
     assert not bounce.any()
     assert not any("lit layer" in each.name for each in runtime.times())
@@ -354,7 +356,7 @@ def test_where_nothing_is_there_is_no_light(runtime: Runtime, corner: GBuffer, m
         ({"samples": 0}, ValueError, "samples is 0"),
         ({"bounce": 1}, TypeError, "bounce is 1"),
         ({"lights": ["sun"]}, TypeError, r"lights\[0\] is str: expected a light"),
-        ({"rsms": []}, ValueError, "rsms has 0 entries: expected 1"),
+        ({"shadow_maps": []}, ValueError, "shadow_maps has 0 entries: expected 1"),
         ({"radiance": np.ones((3, 3, 3))}, ValueError, r"radiance has shape \(3, 3, 3\)"),
         ({"radiance": -np.ones((5, 7, 3))}, ValueError, r"radiance\[0, 0, 0\] is -1"),
         ({"radiance": np.ones((2, 5, 7, 3))}, ValueError, r"radiance has shape \(2, 5, 7, 3\)"),

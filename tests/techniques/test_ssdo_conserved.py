@@ -162,7 +162,9 @@ def test_auxiliary_views_make_no_light(runtime: Runtime, name: str, count: int) 
     case = wall_beside_floor(BESIDE[name])
     cameras = auxiliary_cameras(case.gbuffer.camera, case.gbuffer, count, size=1.0)
     views = [wall_beside_floor(each).gbuffer for each in cameras]
-    direct, bounce = ssdo(case.gbuffer, [SKY], RADIUS, method="points", samples=64, views=views, runtime=runtime)
+    direct, bounce = ssdo(
+        case.gbuffer, [SKY], RADIUS, method="points", samples=64, auxiliary_views=views, runtime=runtime
+    )
     expected = math.pi * case.form[case.floor].mean()
     assert bounce[case.floor].mean() == pytest.approx(expected, rel=0.05)
     assert math.pi - direct[case.floor].mean() == pytest.approx(expected, rel=0.05)
@@ -174,7 +176,7 @@ def test_auxiliary_views_make_no_light(runtime: Runtime, name: str, count: int) 
 def test_view_that_shows_nothing_new_changes_nothing(runtime: Runtime, name: str) -> None:
     case = wall_beside_floor(BESIDE[name])
     alone, again = (
-        ssdo(case.gbuffer, [SKY], RADIUS, method="points", samples=64, views=views, runtime=runtime)
+        ssdo(case.gbuffer, [SKY], RADIUS, method="points", samples=64, auxiliary_views=views, runtime=runtime)
         for views in ([], [case.gbuffer])
     )
     for one, other in zip(alone, again, strict=True):

@@ -27,7 +27,7 @@ COUNTS: list[tuple[str, type[Params], str]] = [
     ("samples", PointsParams, "samples"),
     ("blur_radius", BilateralParams, "radius"),
     ("blur_passes", BilateralParams, "passes"),
-    ("lamp_taps", LightShadowParams, "taps"),
+    ("shadow_taps", LightShadowParams, "taps"),
 ]
 """Of SSDO, and where they are handed on."""
 
@@ -51,7 +51,7 @@ def test_nothing_that_is_allowed_is_refused_behind(method: str, name: str, value
     params = SsdoParams(method=method, **{name: value})
     BACK_ENDS[method](params)
     assert params.blur
-    if params.lamp_taps:  # without, no light casts a shadow
+    if params.shadow_taps:  # without, no light casts a shadow
         params.punctual_lights()
 
 

@@ -99,7 +99,7 @@ def irradiance(position: Doubles, boxed: bool) -> Doubles:
 
 def bounce(gbuffer: GBuffer, views: list[GBuffer], runtime: Runtime, **params: Any) -> Doubles:
     """Return the red irradiance by surfaces, W/m^2."""
-    _, found = gi.ssdo(gbuffer, [], RADIUS, views=views, runtime=runtime, **params)
+    _, found = gi.ssdo(gbuffer, [], RADIUS, auxiliary_views=views, runtime=runtime, **params)
     return np.asarray(found[..., 0], np.float64)
 
 
@@ -148,7 +148,7 @@ def test_lit_wall_sends_what_a_single_view_says_it_does(runtime: Runtime) -> Non
     ]
     _, alone = gi.ssdo(gbuffer, [sun], RADIUS, runtime=runtime)
     for count in (1, 2, 4):
-        _, found = gi.ssdo(gbuffer, [sun], RADIUS, views=views[:count], runtime=runtime)
+        _, found = gi.ssdo(gbuffer, [sun], RADIUS, auxiliary_views=views[:count], runtime=runtime)
         assert np.abs(found - alone).max() < 0.01 * alone.mean()
 
 
@@ -245,6 +245,7 @@ def test_back_of_what_a_view_shows_sends_its_light(runtime: Runtime) -> None:
     # The slab hides once: its back covers 1 % beside its front, and both again 4 %.
     sky = gi.Environment((1.0, 1.0, 1.0))
     alone, both = (
-        gi.ssdo(gbuffer, [sky], RADIUS, views=views, runtime=runtime, **many)[0][behind] for views in ([], [view])
+        gi.ssdo(gbuffer, [sky], RADIUS, auxiliary_views=views, runtime=runtime, **many)[0][behind]
+        for views in ([], [view])
     )
     assert np.abs(both - alone).mean() < 0.02 * alone.mean()

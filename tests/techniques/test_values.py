@@ -49,7 +49,7 @@ def on_map(function: Callable[..., Any], number: int = 0) -> Callable[..., Any]:
 
 
 def of_views(given: Inputs, **params: Any) -> Any:
-    return gi.ssdo(given.gbuffer, given.lights[:3], views=[given.view], **params)
+    return gi.ssdo(given.gbuffer, given.lights[:3], auxiliary_views=[given.view], **params)
 
 
 def lit(given: Inputs, **params: Any) -> Any:
@@ -78,8 +78,8 @@ CASES = {
         {
             "radius": 0.9,
             "length_power": 1.5,
-            "full": 0.2,
-            "none": 3.0,
+            "ramp_start": 0.2,
+            "ramp_end": 3.0,
             "power": 2.0,
             "bias": 0.2,
             "contrast": 1.0,
@@ -89,7 +89,7 @@ CASES = {
         },
     ),
     "ssao, several radii": Case(on_gbuffer(gi.ssao), gi.SsaoParams, {"radius": (0.2, 0.6)}, {"radius": (0.3, 1.5)}),
-    "ssao, exponential": Case(on_gbuffer(gi.ssao), gi.SsaoParams, {"falloff": "exponential"}, {"rate": 3.0}),
+    "ssao, exponential": Case(on_gbuffer(gi.ssao), gi.SsaoParams, {"falloff": "exponential"}, {"falloff_rate": 3.0}),
     "ssao, curve": Case(
         on_gbuffer(gi.ssao),
         gi.SsaoParams,
@@ -137,7 +137,7 @@ CASES = {
         on_map(gi.rsm_gather, 1),
         gi.RsmGatherParams,
         {"samples": 50, "pattern": "fixed", "resolution": "adaptive"},
-        {"radius": 0.2, "error": 0.5, **GRID},
+        {"radius": 0.2, "interpolation_error": 0.5, **GRID},
     ),
     "rsm_gather, published": Case(
         on_map(gi.rsm_gather, 1),
@@ -151,7 +151,7 @@ CASES = {
         on_map(gi.multires_splat),
         gi.MultiresSplatParams,
         {"vpls": 64, "cutoff": 0.01},
-        {"error": 0.2, "light_error": 1.0, **GRID, **VPLS},
+        {"interpolation_error": 0.2, "light_error": 1.0, **GRID, **VPLS},
     ),
     "multires_splat, published": Case(
         on_map(gi.multires_splat),
@@ -173,7 +173,7 @@ CASES = {
         lambda given, power=1.0, **params: gi.shade(
             given.gbuffer,
             [scaled(light, power) for light in given.lights],
-            rsms=[given.maps[0], None, None, None],
+            shadow_maps=[given.maps[0], None, None, None],
             **params,
         ),
         Params,

@@ -42,7 +42,7 @@ def rms(values: ArrayLike) -> float:
 
 VARIANTS: dict[str, dict[str, Any]] = {
     "default": {},
-    "ball, exponential": {"hemisphere": False, "falloff": "exponential", "rate": 2.0, "outside": "open"},
+    "ball, exponential": {"hemisphere": False, "falloff": "exponential", "falloff_rate": 2.0, "outside": "open"},
     "values": {"falloff": (1.0, 0.6, 0.5, 0.0), "falloff_end": 0.8, "outside": 3.0},
     "limited radius": {"max_radius_px": 9.0, "bias": 0.1, "length_power": 1 / 3},
     "contrast": {"contrast": 2.5},
@@ -138,9 +138,9 @@ def test_only_what_changes_the_model_makes_another_truth(folder: Path) -> None:
         {"length_power": 0.4},
         {"hemisphere": False},
         {"falloff": "exponential"},
-        {"rate": 2.0},
-        {"full": 0.5},
-        {"none": 3.0},
+        {"falloff_rate": 2.0},
+        {"ramp_start": 0.5},
+        {"ramp_end": 3.0},
         {"power": 2.0},
         {"falloff_end": 1.0},
         {"bias": 0.1},

@@ -399,7 +399,7 @@ def test_shading_of_the_cornell_box_is_within_a_percent_of_truth(
     # Emission is light of its own, in `shade` only.
     dull = GBuffer(camera=camera, depth=seen.depth, normal=seen.normal, albedo=seen.albedo)
     maps = [rsm(view.scene, light, size=1024, runtime=runtime) for light in view.lights]  # type: ignore[arg-type]
-    ours = shade(dull, view.lights, rsms=maps, runtime=runtime)
+    ours = shade(dull, view.lights, shadow_maps=maps, runtime=runtime)
     truth = direct_light(view.scene, camera, view.lights).mean
     expected = albedo_of(seen) / math.pi * truth
     counted = np.isfinite(np.asarray(seen.depth)) & ~edges_of(truth)

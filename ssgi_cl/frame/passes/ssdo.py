@@ -34,7 +34,7 @@ def ssdo(build: Build) -> tuple[list[Stage], Callable[[DeviceGBuffer], None]]:
         technique.params = r[INDIRECT_PARAMS]
         seen, lights = r[GBUFFER], r[LIGHTS]
         extra = views.drawn(r[CASTING], r[CAMERA], seen, lights) if views is not None else ()
-        found = technique.run(seen, lights, shadows=r[SHADOWS], views=extra)
+        found = technique.run(seen, lights, shadows=r[SHADOWS], auxiliary_views=extra)
         return found.direct, found.bounce
 
     replaced = Stage(

@@ -63,9 +63,9 @@ class SsaoParams(OcclusionParams):
         "equal steps from 0 to `falloff_end`",
         shape=lambda falloff: falloff if isinstance(falloff, str) else len(falloff),
     )
-    rate: float = param(1.0, "exponential: e^(-rate d), d in radii", low=0.0, high=100.0)
-    full: float = param(1.0, "ramp: full occlusion up to this d", low=0.0, high=100.0, unit="radii")
-    none: float = param(2.0, "ramp: no occlusion from this d on", low=1e-3, high=1e3, unit="radii")
+    falloff_rate: float = param(1.0, "exponential: e^(-falloff_rate d), d in radii", low=0.0, high=100.0)
+    ramp_start: float = param(1.0, "ramp: full occlusion up to this d", low=0.0, high=100.0, unit="radii")
+    ramp_end: float = param(2.0, "ramp: no occlusion from this d on", low=1e-3, high=1e3, unit="radii")
     power: float = param(1.0, "ramp: exponent of its linear part", low=0.01, high=100.0)
     falloff_end: float = param(2.0, "values: d of the last one, no occlusion beyond", low=1e-3, high=1e3, unit="radii")
     bias: float = param(
@@ -118,8 +118,8 @@ class SsaoParams(OcclusionParams):
             checks.choice("outside", self.outside, ("unknown", "open"))
         else:
             set_(self, "outside", checks.number("outside", self.outside, low=0, above=True, unit="scene units"))
-        if self.none <= self.full and self.falloff == "ramp":
-            raise ValueError(f"none is {self.none}: expected more than full, which is {self.full}")
+        if self.ramp_end <= self.ramp_start and self.falloff == "ramp":
+            raise ValueError(f"ramp_end is {self.ramp_end}: expected more than ramp_start, which is {self.ramp_start}")
         if self.max_samples and self.max_samples < self.samples:
             raise ValueError(f"max_samples is {self.max_samples}: expected 0 or at least samples, {self.samples}")
 
@@ -130,9 +130,9 @@ class SsaoKeywords(OcclusionKeywords, total=False):
     length_power: float
     hemisphere: bool
     falloff: str | tuple[float, ...]
-    rate: float
-    full: float
-    none: float
+    falloff_rate: float
+    ramp_start: float
+    ramp_end: float
     power: float
     falloff_end: float
     bias: float
@@ -266,9 +266,11 @@ class Ssao(OcclusionTechnique):
                 "fewest": params.samples,
                 "bias": params.bias,
                 "depth_bias": DEPTH_BIAS,
-                "rate": params.rate,
-                "none_at": params.none,
-                "ramp_scale": 1.0 / (params.none - params.full) if params.none > params.full else 0.0,
+                "rate": params.falloff_rate,
+                "none_at": params.ramp_end,
+                "ramp_scale": 1.0 / (params.ramp_end - params.ramp_start)
+                if params.ramp_end > params.ramp_start
+                else 0.0,
                 "power": params.power,
                 "curve_end": params.falloff_end,
                 "curve_scale": (curve_size - 1) / params.falloff_end,

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core import checks
-from ssgi_cl.core.former_calls import former_order
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.device.active_region import Region
@@ -137,7 +136,6 @@ class Bilateral(Prepared[BilateralParams]):
         if self.active and params.sigma != self.params.sigma:
             self._weights.upload(_weight_table(params))
 
-    @former_order("value", "gbuffer", "name", first=lambda given: isinstance(given, Plane))
     def run(self, gbuffer: Source, value: Plane, *, name: str = "blur", region: Region | None = None) -> Plane:
         """Queue the passes and return the plane that holds the result (not `value`, if active).
 

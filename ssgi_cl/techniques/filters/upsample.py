@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core import checks
-from ssgi_cl.core.former_calls import former_order
 from ssgi_cl.core.gbuffer import GBuffer
-from ssgi_cl.core.params import Params, Prepared, former_params, param
+from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.device.active_region import PreviousRegion, Region
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
@@ -142,8 +141,7 @@ class Upsample(Prepared[UpsampleParams]):
     Args:
         runtime: the device.
         size: (rows, columns) of the result.
-        params: see `UpsampleParams`. A number alone, as `step`, works for one release and warns;
-            so do its other parameters as keywords.
+        params: see `UpsampleParams`.
         channels: images of the result.
     """
 
@@ -151,16 +149,13 @@ class Upsample(Prepared[UpsampleParams]):
         self,
         runtime: Runtime,
         size: Size,
-        params: UpsampleParams | int | None = None,
+        params: UpsampleParams | None = None,
         channels: int = 1,
         *,
         kept: bool = True,
-        **former: float,
     ) -> None:
         self.runtime = runtime
         self.size = size
-        if isinstance(params, int) or former:
-            params = former_params(UpsampleParams, "Upsample", "step", params, former)
         self._params = params or UpsampleParams()
         self._kernel = runtime.kernel(
             "upsample/upsample_joint.cl",
@@ -170,7 +165,6 @@ class Upsample(Prepared[UpsampleParams]):
         self._channels = channels
         self._fine = Target(runtime, channels, size, kept=kept)
 
-    @former_order("coarse", "reduced", "gbuffer", first=lambda given: isinstance(given, Plane))
     def run(self, gbuffer: DeviceGBuffer, coarse: Plane, *, reduced: Source) -> Plane:
         """Queue the pass and return the plane at full size.
 

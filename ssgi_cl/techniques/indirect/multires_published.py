@@ -11,7 +11,6 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.former_calls import former_order
 from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.core.vpls import MOST_VPLS, Vpls
 from ssgi_cl.device.arrays import Plane, Size
@@ -101,7 +100,6 @@ class MultiresPublished(Prepared[MultiresPublishedParams]):
         )
         self._upsample = runtime.kernel(f"{folder}upsample.cl")
 
-    @former_order("gbuffer", "vpls", "rsms")
     def run(self, gbuffer: DeviceGBuffer, vpls: Vpls | None = None, *, rsms: Sequence[DeviceRsm] = ()) -> Plane:
         """Queue the passes; return the plane of irradiance, 3 images in W/m^2.
 

@@ -10,7 +10,6 @@ from typing import Any, ClassVar, TypedDict, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.former_calls import former_order
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.params import Prepared, param
 from ssgi_cl.core.scene import Scene
@@ -53,7 +52,7 @@ class MultiresSplatParams(MultiresGridParams, VplParams):
     mean irradiance.
     """
 
-    error: float = param(
+    interpolation_error: float = param(
         0.01,
         "of interpolation, as estimated; 1e6: geometry alone decides",
         unit="of the mean irradiance",
@@ -73,7 +72,7 @@ class MultiresSplatParams(MultiresGridParams, VplParams):
         False,
         "surfaces block light on its way from light to pixel: all triangles where `scene` "
         "is given, else what the camera and the lights see; an "
-        "`error` of 0.05 is then enough, since the occupancy grid is no more exact",
+        "`interpolation_error` of 0.05 is then enough, since the occupancy grid is no more exact",
     )
     grid: int = grid_param()
     share: int = param(
@@ -170,7 +169,6 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
     def _set(self, params: MultiresSplatParams) -> None:
         self.grid.params = params
 
-    @former_order("gbuffer", "vpls", "rsms")
     def run(
         self,
         gbuffer: DeviceGBuffer,
@@ -232,7 +230,9 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
                 self._chooser.place(rsms, camera, kinds=1, importance=importance, more=surfels)
         tree.update()
         values = {"cutoff": params.scaled_cutoff(self._lights.unit), "refine": params.refine}
-        tree.measure(coarsest.source, coarsest.list, values, params.error, params.light_error, other_light)
+        tree.measure(
+            coarsest.source, coarsest.list, values, params.interpolation_error, params.light_error, other_light
+        )
         for level in chain([coarsest], levels):
             tree.shine(level.source, level.list, level.most, level.fractions, level.values, values, occupancy)
         return Gathered(self.grid.result, occupancy)
@@ -303,7 +303,7 @@ def multires_splat(
     gbuffer: GBuffer | DeviceGBuffer,
     rsms: ReflectiveShadowMap | DeviceRsm | Sequence[ReflectiveShadowMap | DeviceRsm],
     vpls: int = 1024,
-    error: float | None = None,
+    interpolation_error: float | None = None,
     *,
     scene: Scene | None = None,
     method: str = "adaptive",
@@ -324,7 +324,7 @@ def multires_splat(
         gbuffer: what the camera sees.
         rsms: a reflective shadow map, or one for each light.
         vpls: virtual point lights in all, 1 to 2^24; see `choose_vpls`.
-        error: method "adaptive": of interpolation as a share of the mean irradiance, >= 0, by
+        interpolation_error: method "adaptive": of interpolation as a share of the mean irradiance, >= 0, by
             default 0.01; see `MultiresSplatParams`.
         method: "adaptive", or "published" for subsplats found by geometry alone.
         scene: with `visibility`, the triangles that block light, seen or not; by default what the
@@ -340,7 +340,11 @@ def multires_splat(
         TypeError, ValueError: an argument of the wrong type or out of range, or one of another
             method; the message says which, its value and what is allowed.
     """
-    given = {"vpls": vpls, **({} if error is None else {"error": error}), **params}
+    given = {
+        "vpls": vpls,
+        **({} if interpolation_error is None else {"interpolation_error": interpolation_error}),
+        **params,
+    }
     chosen: Any = chosen_params(METHODS, method, given)
     if scene is not None and method == "published":
         raise ValueError("scene applies only to method='adaptive' (got method='published')")

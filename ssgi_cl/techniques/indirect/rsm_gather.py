@@ -59,7 +59,9 @@ class RsmGatherParams(Params):
         "which it is not smooth, the others are interpolated",
         choices=RESOLUTIONS,
     )
-    error: float = param(0.02, "of interpolation, as estimated", unit="of the mean irradiance", low=0.0, high=1e6)
+    interpolation_error: float = param(
+        0.02, "of interpolation, as estimated", unit="of the mean irradiance", low=0.0, high=1e6
+    )
     plane_tolerance: float = param(
         0.005, "distance from the tangent plane at which a neighbour counts nothing", unit="depths", low=1e-6, high=1.0
     )
@@ -71,7 +73,7 @@ class RsmGatherParams(Params):
 class RsmGatherKeywords(TypedDict, total=False):
     """The other parameters of `rsm_gather`, of either method."""
 
-    error: float
+    interpolation_error: float
     plane_tolerance: float
     normal_tolerance: float
     offset: float
@@ -137,7 +139,7 @@ class RsmGather(RsmTechnique[RsmGatherParams]):
                     list=level.list,
                     values=level.values,
                     bound=self._bound,
-                    share=self.params.error,
+                    share=self.params.interpolation_error,
                 )
         return self._grid.result
 

@@ -140,7 +140,7 @@ class Ssdo(Prepared[SsdoParams]):
         *,
         shadows: Sequence[ShadowMap | None] | None = None,
         radiance: Plane | None = None,
-        views: Iterable[DeviceGBuffer] = (),
+        auxiliary_views: Iterable[DeviceGBuffer] = (),
     ) -> SsdoPlanes:
         """Queue the passes. Nothing is allocated after the first call with such arguments.
 
@@ -151,7 +151,7 @@ class Ssdo(Prepared[SsdoParams]):
             radiance: what surfaces send, if it is known: 3 images for each layer (number 3 layer +
                 channel) of the size with margin, W m^-2 sr^-1, 0 where nothing is. With the method
                 "bitmask" as many more may follow for the sides that the camera doesn't see.
-            views: what auxiliary cameras see, of any size, margin and layers; surfaces that they
+            auxiliary_views: what auxiliary cameras see, of any size, margin and layers; surfaces that they
                 see hide and send light where the G-buffer shows none. Each is done with before the
                 next is asked for.
         """
@@ -185,7 +185,7 @@ class Ssdo(Prepared[SsdoParams]):
         else:
             sky = self._sky if self._sky.image is not None else None
             source = self._finish.source(gbuffer)
-            gathered = self._gathered(gbuffer, source, sent if sends else None, sky, lights, shadows, views)
+            gathered = self._gathered(gbuffer, source, sent if sends else None, sky, lights, shadows, auxiliary_views)
             gathered = self._finish.run(gbuffer, gathered, source=source)
         direct, bounce = self._split(gbuffer, gathered, sends, punctual_lights, lights_margin)
         bent = None
@@ -212,11 +212,11 @@ class Ssdo(Prepared[SsdoParams]):
         sky: Sky | None,
         lights: Sequence[Light],
         shadows: Sequence[ShadowMap | None] | None,
-        views: Iterable[DeviceGBuffer],
+        auxiliary_views: Iterable[DeviceGBuffer],
     ) -> Plane:
         """Queue the back end, and what auxiliary cameras add to it."""
-        views = iter(views)
-        first = next(views, None)
+        auxiliary_views = iter(auxiliary_views)
+        first = next(auxiliary_views, None)
         if first is None:
             return self._back.run(gbuffer, source, radiance=sent, sky=sky)
         if self._views is None:
@@ -226,7 +226,7 @@ class Ssdo(Prepared[SsdoParams]):
         light = self._back.run(gbuffer, source, radiance=sent, sky=sky)
         self._views.begin(gbuffer)
         try:
-            for view in chain((first,), views):
+            for view in chain((first,), auxiliary_views):
                 self._views.add(light, self._back, gbuffer, source, view, lights, shadows, sends=sent is not None)
         finally:
             self._views.end()
@@ -286,9 +286,9 @@ def ssdo(
     lights: Sequence[Light],
     radius: float = 0.5,
     *,
-    rsms: Sequence[ReflectiveShadowMap | None] | None = None,
+    shadow_maps: Sequence[ReflectiveShadowMap | None] | None = None,
     radiance: ArrayLike | None = None,
-    views: Sequence[GBuffer | DeviceGBuffer] = (),
+    auxiliary_views: Sequence[GBuffer | DeviceGBuffer] = (),
     runtime: Runtime | None = None,
     **params: Unpack[SsdoKeywords],
 ) -> tuple[NDArray[np.float32], ...]:
@@ -313,11 +313,11 @@ def ssdo(
             that of lights is hidden where their map says so or, without
             one, by what the camera sees within the radius.
         radius: distance up to which surfaces hide and send light, scene units, > 0.
-        rsms: for each light its reflective shadow map, whose depth casts its shadow, or None.
+        shadow_maps: for each light its reflective shadow map, whose depth casts its shadow, or None.
         radiance: what surfaces send, W m^-2 sr^-1, >= 0, if it is known: [rows, columns, 3] of the
             size of the depth, or [layers, rows, columns, 3]; by default what the lights make of
             albedo and emission.
-        views: what auxiliary cameras see under the same lights (see `auxiliary_cameras`): surfaces
+        auxiliary_views: what auxiliary cameras see under the same lights (see `auxiliary_cameras`): surfaces
             that only they see hide and send light too.
         runtime: the device; by default the fastest found.
         **params: the other fields of `SsdoParams`.
@@ -330,7 +330,7 @@ def ssdo(
     Raises:
         TypeError, ValueError: an argument of the wrong type, shape or range.
     """
-    lights = checked_lights(lights, rsms)
+    lights = checked_lights(lights, shadow_maps)
     chosen = SsdoParams(radius=radius, **params)
     device = on_device(gbuffer, runtime)
     if device.camera is None:
@@ -346,9 +346,9 @@ def ssdo(
         planes = technique.run(
             device,
             lights,
-            shadows=uploaded_maps(lights, rsms, runtime),
+            shadows=uploaded_maps(lights, shadow_maps, runtime),
             radiance=sent,
-            views=[view_on_device(view, number, runtime) for number, view in enumerate(views)],
+            auxiliary_views=[view_on_device(view, number, runtime) for number, view in enumerate(auxiliary_views)],
         )
         images = [
             np.zeros((3, *device.size), np.float32) if plane is None else plane.download()
@@ -418,7 +418,7 @@ DESCRIPTOR = Technique(
         ),
         "ssdo_views/ssdo_views_unseen.cl": ("SEEN_LAYERS", "SEEN_NORMALS", "UNSEEN_LAYERS", "UNSEEN_NORMALS"),
     },
-    reads=("depth", "normal", "albedo", "emission", "thickness", "lights", "rsms"),
+    reads=("depth", "normal", "albedo", "emission", "thickness", "lights", "shadow_maps"),
     writes=("direct", "bounce", "bent"),
     methods=dict.fromkeys(METHODS, SsdoParams),
     command=True,

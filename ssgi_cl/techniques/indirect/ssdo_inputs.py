@@ -17,7 +17,7 @@ def view_on_device(view: GBuffer | DeviceGBuffer, number: int, runtime: Runtime)
     if isinstance(view, GBuffer):
         return on_device(view, runtime, place=number + 1)
     if not isinstance(view, DeviceGBuffer):
-        raise TypeError(f"views[{number}] is {type(view).__name__}: expected GBuffer or DeviceGBuffer")
+        raise TypeError(f"auxiliary_views[{number}] is {type(view).__name__}: expected GBuffer or DeviceGBuffer")
     return view
 
 

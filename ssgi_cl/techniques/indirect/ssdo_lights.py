@@ -16,7 +16,7 @@ from ssgi_cl.techniques.shading.light_shadows import LightShadows
 
 def punctual_lights_of(runtime: Runtime, size: Size, params: SsdoParams) -> Callable[[], PunctualLights]:
     """Return what makes the light of lights for images of a size."""
-    if params.lamp_taps == 0:
+    if params.shadow_taps == 0:
         return lambda: PunctualLights(runtime, size, kept=False)
     return lambda: LightShadows(runtime, size, params.punctual_lights(), kept=False)
 
@@ -55,7 +55,7 @@ class LightBlur:
         looked_for = any(
             not isinstance(light, Environment) and shadow is None for light, shadow in zip(lights, maps, strict=True)
         )
-        if not looked_for or self.params.lamp_taps == 0:
+        if not looked_for or self.params.shadow_taps == 0:
             return punctual_lights
         size = punctual_lights.size
         if size not in self._blurs:

@@ -61,7 +61,7 @@ class SsdoParams(OcclusionParams):
         low=1,
         high=64,
     )
-    lamp_taps: int = param(
+    shadow_taps: int = param(
         12, "depths read on the way to a light that has no shadow map; 0: it casts no shadow", low=0, high=256
     )
     bent_normals: bool = param(
@@ -106,7 +106,7 @@ class SsdoParams(OcclusionParams):
 
     def punctual_lights(self) -> LightShadowParams:
         """Return the parameters of shadows of lights that have no map."""
-        return LightShadowParams(radius=self.radius, taps=self.lamp_taps)
+        return LightShadowParams(radius=self.radius, taps=self.shadow_taps)
 
     def points(self) -> PointsParams:
         """Return the parameters of the back end of "points" and "published"."""
@@ -132,7 +132,7 @@ class SsdoKeywords(OcclusionKeywords, total=False):
     samples: int
     thickness: float
     view_taps: int
-    lamp_taps: int
+    shadow_taps: int
     bent_normals: bool
     strength: float
     nearest_distance: float

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.former_calls import former_order
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.params import Prepared, param
 from ssgi_cl.core.scene import Scene
@@ -145,7 +144,6 @@ class VplSplat(Prepared[VplSplatParams]):
         if params.interleave:
             self._blur = Bilateral(runtime, size, BilateralParams(radius=params.blur_radius), 3)
 
-    @former_order("gbuffer", "vpls", "rsms")
     def run(
         self,
         gbuffer: DeviceGBuffer,

@@ -209,7 +209,7 @@ def shade(
     gbuffer: GBuffer | DeviceGBuffer,
     lights: Sequence[Light],
     *,
-    rsms: Sequence[ReflectiveShadowMap | None] | None = None,
+    shadow_maps: Sequence[ReflectiveShadowMap | None] | None = None,
     ao: ArrayLike | None = None,
     indirect: ArrayLike | None = None,
     multi_bounce: bool = False,
@@ -230,7 +230,7 @@ def shade(
     Args:
         gbuffer: what the camera sees.
         lights: any number of lights; environments add up.
-        rsms: for each light its reflective shadow map, whose depth casts its shadow, or None for
+        shadow_maps: for each light its reflective shadow map, whose depth casts its shadow, or None for
             no shadow. None for all lights by default.
         ao: A [rows, columns] in [0, 1]; dims the light of environments, never that of lights.
         indirect: irradiance [rows, columns, 3] in W/m^2 to add, >= 0.
@@ -246,7 +246,7 @@ def shade(
     Raises:
         TypeError, ValueError: an argument of the wrong type, shape or range.
     """
-    lights = checked_lights(lights, rsms)
+    lights = checked_lights(lights, shadow_maps)
     params = ShadeParams(multi_bounce=multi_bounce, indirect_ao=indirect_ao)
     device = on_device(gbuffer, runtime)
     if device.camera is None:
@@ -266,7 +266,7 @@ def shade(
         _same_size("indirect", values.shape[:2], size)
         added = runtime.prepared((shade, "indirect", size), lambda: runtime.plane(3, size))
         added.upload(np.moveaxis(values, -1, 0))
-    shadows = uploaded_maps(lights, rsms, runtime)
+    shadows = uploaded_maps(lights, shadow_maps, runtime)
     with runtime.frame():
         result = technique.run(
             device,
@@ -331,7 +331,7 @@ DESCRIPTOR = Technique(
         "shade/shadow_blocks.cl": (),
         "shade/seen_depths.cl": (),
     },
-    reads=("depth", "normal", "albedo", "emission", "lights", "rsms"),
+    reads=("depth", "normal", "albedo", "emission", "lights", "shadow_maps"),
     writes=("radiance",),
     quantity="direct",
     bench=Bench(

@@ -17,21 +17,21 @@ Maps = Sequence[ReflectiveShadowMap | None] | None
 """For each light its map or None; None for no map at all. Those of environments don't count."""
 
 
-def checked_lights(lights: Sequence[Light], rsms: Maps) -> tuple[Light, ...]:
+def checked_lights(lights: Sequence[Light], shadow_maps: Maps) -> tuple[Light, ...]:
     """Return the lights; raise TypeError or ValueError if one is none, or a map is not its own."""
     lights = light_tuple(lights)
-    if rsms is not None and len(rsms) != len(lights):
-        raise ValueError(f"rsms has {len(rsms)} entries: expected {len(lights)}, one for each light")
-    for index, rsm in enumerate(rsms or ()):
+    if shadow_maps is not None and len(shadow_maps) != len(lights):
+        raise ValueError(f"shadow_maps has {len(shadow_maps)} entries: expected {len(lights)}, one for each light")
+    for index, rsm in enumerate(shadow_maps or ()):
         if rsm is not None and not isinstance(lights[index], Environment):
             _checked(rsm, lights[index], index)
     return lights
 
 
-def uploaded_maps(lights: Sequence[Light], rsms: Maps, runtime: Runtime) -> list[ShadowMap | None]:
+def uploaded_maps(lights: Sequence[Light], shadow_maps: Maps, runtime: Runtime) -> list[ShadowMap | None]:
     """Return the shadow map of each light; memory is kept by the runtime and used again."""
     shadows: list[ShadowMap | None] = [None] * len(lights)
-    for index, rsm in enumerate(rsms or ()):
+    for index, rsm in enumerate(shadow_maps or ()):
         if rsm is not None and not isinstance(lights[index], Environment):
             shadows[index] = _uploaded(rsm, runtime, index)
     return shadows
@@ -39,17 +39,17 @@ def uploaded_maps(lights: Sequence[Light], rsms: Maps, runtime: Runtime) -> list
 
 def _checked(rsm: object, light: Light, index: int) -> None:
     if not isinstance(rsm, ReflectiveShadowMap):
-        raise TypeError(f"rsms[{index}] is {type(rsm).__name__}: expected a ReflectiveShadowMap or None")
+        raise TypeError(f"shadow_maps[{index}] is {type(rsm).__name__}: expected a ReflectiveShadowMap or None")
     if type(rsm.light) is not type(light):
         raise ValueError(
-            f"rsms[{index}] is that of a {type(rsm.light).__name__}: expected one of "
+            f"shadow_maps[{index}] is that of a {type(rsm.light).__name__}: expected one of "
             f"lights[{index}], a {type(light).__name__}"
         )
     sizes = {camera.size for camera in rsm.cameras}
     count = face_count(light)
     if len(rsm.cameras) != count or len(sizes) != 1 or len(set(*sizes)) != 1:
         raise ValueError(
-            f"rsms[{index}] has {len(rsm.cameras)} cameras of {sorted(sizes)} texels: expected "
+            f"shadow_maps[{index}] has {len(rsm.cameras)} cameras of {sorted(sizes)} texels: expected "
             f"{count}, square and of one size"
         )
 

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core import checks
-from ssgi_cl.core.former_calls import former_order
-from ssgi_cl.core.params import Params, Prepared, former_params, param
+from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.device.active_region import Region, copy_region
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.runtime import Runtime, serialised
@@ -49,20 +48,17 @@ class Tonemap(Prepared[TonemapParams]):
     Args:
         runtime: the device.
         size: (rows, columns) of the images.
-        params: see `TonemapParams`. A curve alone, as `curve`, works for one release and warns.
+        params: see `TonemapParams`.
     """
 
-    def __init__(self, runtime: Runtime, size: Size, params: TonemapParams | str | None = None, **former: str) -> None:
+    def __init__(self, runtime: Runtime, size: Size, params: TonemapParams | None = None) -> None:
         self.runtime = runtime
         self.size = size
-        if isinstance(params, str) or former:
-            params = former_params(TonemapParams, "Tonemap", "curve", params, former)
         self._params = params or TonemapParams()
         number = CURVES.index(self._params.curve)
         self._kernel = runtime.kernel("tonemap/tonemap.cl", {"TONEMAP_CURVE": number})
         self._pitch = (size[1] + 15) // 16 * 16
 
-    @former_order("radiance", "exposure", "region")
     def run(self, radiance: Plane, *, exposure: float | None = None, region: Region | None = None) -> NDArray[np.uint8]:
         """Run the pass; return the picture, [rows, columns, 3] uint8.
 

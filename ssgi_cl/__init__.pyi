@@ -23,8 +23,8 @@ from .core.vpls import Vpls as Vpls
 from .device.drivers import KernelVariant as KernelVariant
 from .device.gbuffer import DeviceGBuffer as DeviceGBuffer
 from .device.rsm import DeviceRsm as DeviceRsm
-from .device.runtime import PassTime as PassTime
 from .device.runtime import Runtime as Runtime
+from .device.timing import PassTime as PassTime
 from .frame.params import FrameParams as FrameParams
 from .frame.params import WholeFrameParams as WholeFrameParams
 from .frame.render import render as render

@@ -38,7 +38,8 @@ def test_a_pass_reads_what_it_declares_alone(runtime: Runtime) -> None:
         lambda values, name: values[name],
         lambda values, name: values.get(name),
     )
-    for look_up in ways:
+    for way in ways:
+        look_up = way
         name = "number"
         assert graph.run({"number": 1, "other": 2}, ["sum"]).values["sum"] == 1
         name = "other"

@@ -32,7 +32,7 @@ def gather(build: Build) -> Stage:
         runtime,
         build.size,
         MultiresSplatParams(
-            vpls=whole.vpls, visibility=True, grid=MOST_CELLS, error=whole.error, light_error=whole.error
+            vpls=whole.vpls, visibility=True, grid=MOST_CELLS, interpolation_error=whole.error, light_error=whole.error
         ),
         surfels=SURFEL_CAPACITY * whole.surfels,
     )

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.rsm import DeviceRsm
-from ssgi_cl.rasterize.rasterizer import Rasterizer
-from ssgi_cl.rasterize.view import device_scene, margin_of
-from ssgi_cl.techniques.shading.light_data import PunctualLight, ShadowMap
-from ssgi_cl.techniques.shading.light_maps import LightMaps
+from ssgi_cl.rasterize.raster.rasterizer import Rasterizer
+from ssgi_cl.rasterize.raster.view import device_scene, margin_of
+from ssgi_cl.techniques.direct.light_data import PunctualLight, ShadowMap
+from ssgi_cl.techniques.direct.light_maps import LightMaps
 from ssgi_cl.tuning.context import Context
 
 

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.io.previews import share_view
-from ssgi_cl.reference.tonemap import encoded_reference
-from ssgi_cl.techniques.shading.tonemap import auto_exposure
+from ssgi_cl.reference.filters.tonemap import encoded_reference
+from ssgi_cl.techniques.filters.tonemap import auto_exposure
 
 Floats = NDArray[np.float32]
 Mask = NDArray[np.bool_]

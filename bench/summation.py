@@ -16,10 +16,10 @@ from ssgi_cl.core.vpls import Vpls
 from ssgi_cl.device.constants import VPL_TERMS
 from ssgi_cl.device.gbuffer import on_device
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.reference.vpl_splat import vpl_splat_reference
-from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat, MultiresSplatParams
-from ssgi_cl.techniques.indirect.rsm_gather import rsm_gather
-from ssgi_cl.techniques.indirect.vpl_splat import VplSplat, VplSplatParams
+from ssgi_cl.reference.vpl.vpl_splat import vpl_splat_reference
+from ssgi_cl.techniques.multires.multires_splat import MultiresSplat, MultiresSplatParams
+from ssgi_cl.techniques.rsm.rsm_gather import rsm_gather
+from ssgi_cl.techniques.vpl.vpl_splat import VplSplat, VplSplatParams
 
 Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]

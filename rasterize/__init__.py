@@ -1,10 +1,9 @@
 """Meshes to G-buffers and reflective shadow maps."""
 
 from ssgi_cl.core.scene import Material, Scene
-
-from .load import load_scene
-from .rasterizer import Rasterizer
-from .shadow_map import rsm
-from .view import gbuffer
+from ssgi_cl.rasterize.files.load import load_scene
+from ssgi_cl.rasterize.raster.rasterizer import Rasterizer
+from ssgi_cl.rasterize.raster.shadow_map import rsm
+from ssgi_cl.rasterize.raster.view import gbuffer
 
 __all__ = ["Material", "Rasterizer", "Scene", "gbuffer", "load_scene", "rsm"]

@@ -14,8 +14,8 @@ from ssgi_cl.device.constants import definitions
 from ssgi_cl.device.drivers import KERNEL_VARIANTS
 from ssgi_cl.device.runtime import Runtime
 
+from .device.test_kernel_files import is_guarded, text_of
 from .launches import builds
-from .test_kernel_files import is_guarded, text_of
 
 WARNINGS = [
     "-Weverything",

@@ -8,8 +8,8 @@ import numpy as np
 
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.techniques.ao.gtao import gtao
+from ssgi_cl.techniques.ao.multi_bounce import multi_bounce
 from ssgi_cl.techniques.catalogue import of_kind
-from ssgi_cl.techniques.shading.multi_bounce import multi_bounce
 from ssgi_cl.techniques.technique import Technique
 
 from .inputs import Array, Call, Inputs

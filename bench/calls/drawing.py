@@ -10,7 +10,7 @@ from ssgi_cl.device.gbuffer import on_device
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import gbuffer as drawn
 from ssgi_cl.rasterize import rsm as drawn_map
-from ssgi_cl.techniques.shading.light_maps import LightMaps
+from ssgi_cl.techniques.direct.light_maps import LightMaps
 
 from .inputs import Array, Call, Inputs
 

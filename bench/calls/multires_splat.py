@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.techniques.indirect.multires_splat import multires_splat
+from ssgi_cl.techniques.multires.multires_splat import multires_splat
 
 from .inputs import Array, Call, Inputs
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.techniques.indirect.rsm_gather import rsm_gather
+from ssgi_cl.techniques.rsm.rsm_gather import rsm_gather
 
 from .inputs import Array, Call, Inputs
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.techniques.shading.shade import shade
+from ssgi_cl.techniques.direct.shade import shade
 
 from .inputs import Array, Call, Inputs
 

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.techniques.indirect.ssdo import ssdo
-from ssgi_cl.techniques.indirect.ssdo_params import METHODS
+from ssgi_cl.techniques.ssdo.ssdo import ssdo
+from ssgi_cl.techniques.ssdo.ssdo_params import METHODS
 
 from .inputs import Array, Call, Inputs
 

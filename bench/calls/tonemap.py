@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.techniques.shading.tonemap import tonemap
+from ssgi_cl.techniques.filters.tonemap import tonemap
 
 from .inputs import Array, Call, Inputs
 

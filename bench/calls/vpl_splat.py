@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.techniques.indirect.vpl_splat import vpl_splat
+from ssgi_cl.techniques.vpl.vpl_splat import vpl_splat
 
 from .inputs import Array, Call, Inputs
 

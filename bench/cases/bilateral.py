@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ssgi_cl.reference.bilateral import bilateral_reference
+from ssgi_cl.reference.filters.bilateral import bilateral_reference
 from ssgi_cl.techniques.ao.ssao import Ssao, SsaoParams
 from ssgi_cl.techniques.filters.bilateral import Bilateral, BilateralParams
 from ssgi_cl.truth import Truth

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 
 from ssgi_cl import truth
-from ssgi_cl.rasterize.view import MOST_LAYERS, downloaded
+from ssgi_cl.rasterize.raster.view import MOST_LAYERS, downloaded
 from ssgi_cl.truth import Truth
 from ssgi_cl.tuning.case import Family, Subject
 from ssgi_cl.tuning.context import Context

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ssgi_cl.techniques.indirect.multires_published import MultiresPublished, MultiresPublishedParams
+from ssgi_cl.techniques.multires.multires_published import MultiresPublished, MultiresPublishedParams
 from ssgi_cl.tuning.case import Family, Own, Subject, count_of
 from ssgi_cl.tuning.context import Context
 

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.rasterize.view import device_scene
-from ssgi_cl.techniques.indirect.multires_published import MultiresPublished
-from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat, MultiresSplatParams
-from ssgi_cl.techniques.indirect.vpl_splat import VplSplat, VplSplatParams
+from ssgi_cl.rasterize.raster.view import device_scene
+from ssgi_cl.techniques.multires.multires_published import MultiresPublished
+from ssgi_cl.techniques.multires.multires_splat import MultiresSplat, MultiresSplatParams
+from ssgi_cl.techniques.vpl.vpl_splat import VplSplat, VplSplatParams
 from ssgi_cl.truth import Truth
 from ssgi_cl.tuning.case import Family, Own, Subject, count_of
 from ssgi_cl.tuning.context import Context

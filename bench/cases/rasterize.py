@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from ssgi_cl.rasterize.rasterizer import Rasterizer
-from ssgi_cl.rasterize.shadow_map import RsmRenderer, light_cameras
-from ssgi_cl.rasterize.view import MOST_LAYERS, device_scene
+from ssgi_cl.rasterize.raster.rasterizer import Rasterizer
+from ssgi_cl.rasterize.raster.shadow_map import RsmRenderer, light_cameras
+from ssgi_cl.rasterize.raster.view import MOST_LAYERS, device_scene
 from ssgi_cl.tuning.case import Family, Own, Subject, count_of
 from ssgi_cl.tuning.context import Context
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.techniques.indirect.rsm_published import RsmPublished, RsmPublishedParams
+from ssgi_cl.techniques.rsm.rsm_published import RsmPublished, RsmPublishedParams
 from ssgi_cl.tuning.case import Family, Own, Subject, count_of
 from ssgi_cl.tuning.context import Context
 

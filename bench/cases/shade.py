@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.frame.render import render
-from ssgi_cl.techniques.shading.shade import Shade
+from ssgi_cl.techniques.direct.shade import Shade
 from ssgi_cl.tuning.case import Family, Own, Subject, count_of
 from ssgi_cl.tuning.context import Context
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ssgi_cl.device.gbuffer import DeviceGBuffer
-from ssgi_cl.rasterize.view import MOST_LAYERS, downloaded
+from ssgi_cl.rasterize.raster.view import MOST_LAYERS, downloaded
 from ssgi_cl.techniques.ao.gtao import Gtao, GtaoParams
 from ssgi_cl.techniques.ao.slices import SliceParams, SliceTechnique
 from ssgi_cl.techniques.catalogue import of_kind

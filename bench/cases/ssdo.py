@@ -16,12 +16,12 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.frame.auxiliary_views import SIZE, AuxiliaryViews
 from ssgi_cl.frame.params import FrameParams
 from ssgi_cl.frame.render import Renderer
-from ssgi_cl.rasterize.rasterizer import Rasterizer
-from ssgi_cl.rasterize.view import device_scene
+from ssgi_cl.rasterize.raster.rasterizer import Rasterizer
+from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.techniques.ao.occlusion import RESOLUTIONS
 from ssgi_cl.techniques.ao.ssao import SsaoParams
-from ssgi_cl.techniques.indirect.ssdo import Ssdo, SsdoPlanes
-from ssgi_cl.techniques.indirect.ssdo_params import SsdoParams
+from ssgi_cl.techniques.ssdo.ssdo import Ssdo, SsdoPlanes
+from ssgi_cl.techniques.ssdo.ssdo_params import SsdoParams
 from ssgi_cl.tuning.case import Family, Own, Subject, count_of
 from ssgi_cl.tuning.context import Context
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ssgi_cl.reference.upsample import upsample_blur_reference, upsample_reference
+from ssgi_cl.reference.filters.upsample import upsample_blur_reference, upsample_reference
 from ssgi_cl.techniques.filters.bilateral import BilateralParams
 from ssgi_cl.techniques.filters.upsample import ReducedGBuffer, Upsample, UpsampleBlur, UpsampleParams
 from ssgi_cl.truth import Truth

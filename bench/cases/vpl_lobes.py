@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.vpls import Vpls
-from ssgi_cl.techniques.indirect.vpl_splat import VplSplat, VplSplatParams
+from ssgi_cl.techniques.vpl.vpl_splat import VplSplat, VplSplatParams
 from ssgi_cl.truth import Truth
 from ssgi_cl.tuning.case import Family, Own, Subject, count_of
 from ssgi_cl.tuning.context import Context, exact

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ssgi_cl.device.arrays import Plane
 from ssgi_cl.device.rsm import DeviceRsm
-from ssgi_cl.rasterize.view import device_scene
-from ssgi_cl.techniques.indirect.vpl_splat import VplSplat, VplSplatParams
+from ssgi_cl.rasterize.raster.view import device_scene
+from ssgi_cl.techniques.vpl.vpl_splat import VplSplat, VplSplatParams
 from ssgi_cl.truth import Truth
 from ssgi_cl.tuning.case import Family, Own, Subject, count_of
 from ssgi_cl.tuning.context import Context, exact

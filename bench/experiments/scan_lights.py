@@ -13,10 +13,11 @@ from ssgi_cl.bench.cases.vpl_splat import MAP_SIZE, lit
 from ssgi_cl.bench.drawn import DrawnMaps
 from ssgi_cl.device.arrays import DeviceArray, Plane
 from ssgi_cl.device.rsm import DeviceRsm
-from ssgi_cl.techniques.indirect import multires_grid, vpl_splat
-from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat, MultiresSplatParams
-from ssgi_cl.techniques.indirect.vpl_splat import TILE, VplSplat, VplSplatParams
-from ssgi_cl.techniques.indirect.vpl_tree import GROUP, VplTree
+from ssgi_cl.techniques.multires import multires_grid
+from ssgi_cl.techniques.multires.multires_splat import MultiresSplat, MultiresSplatParams
+from ssgi_cl.techniques.vpl import vpl_splat
+from ssgi_cl.techniques.vpl.vpl_splat import TILE, VplSplat, VplSplatParams
+from ssgi_cl.techniques.vpl.vpl_tree import GROUP, VplTree
 from ssgi_cl.tuning.context import Context
 
 from .scan import Measured, Scan, parted, replaced

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from ssgi_cl.core.gbuffer import ReflectiveShadowMap
 from ssgi_cl.core.lights import DirectionalLight
 from ssgi_cl.rasterize import rsm
-from ssgi_cl.reference import shade as reference
-from ssgi_cl.techniques.shading.light_data import PunctualLight
+from ssgi_cl.reference.direct import shade as reference
+from ssgi_cl.techniques.direct.light_data import PunctualLight
 from ssgi_cl.truth.raycast import RayCaster
 from ssgi_cl.tuning.context import Context
 
@@ -38,7 +38,7 @@ def shadow_errors(context: Context, values: Mapping[str, Any]) -> Measured:
     Args:
         context: the scene; its punctual lights count.
         values: `reach` in texels, `slope`, `least`, `step`, `rounding` of
-            kernels/shade/shadow.clh.
+            kernels/direct/shadow.clh.
     """
     off = []
     for made, position, normal, seen in context.shared("shadow truth", lambda: _truth(context)):

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from ssgi_cl.bench.drawn import DrawnMaps
 from ssgi_cl.frame.auxiliary_views import AuxiliaryViews
-from ssgi_cl.techniques.indirect.ssdo import Ssdo
-from ssgi_cl.techniques.indirect.ssdo_params import SsdoParams
-from ssgi_cl.techniques.indirect.ssdo_view_senders import ViewSenders
+from ssgi_cl.techniques.ssdo.ssdo import Ssdo
+from ssgi_cl.techniques.ssdo.ssdo_params import SsdoParams
+from ssgi_cl.techniques.ssdo.ssdo_view_senders import ViewSenders
 from ssgi_cl.tuning.context import Context
 
 from .scan import Measured, Scan

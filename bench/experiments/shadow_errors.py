@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.io import png
-from ssgi_cl.rasterize.rasterizer import Rasterizer
+from ssgi_cl.rasterize.raster.rasterizer import Rasterizer
+from ssgi_cl.rasterize.raster.view import device_scene, downloaded
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, VALIDATED_ON, BuiltinScene
-from ssgi_cl.rasterize.view import device_scene, downloaded
-from ssgi_cl.reference import shade as reference
-from ssgi_cl.techniques.shading.light_data import PunctualLight, PunctualLights, kind_name
-from ssgi_cl.techniques.shading.light_maps import LightMaps
-from ssgi_cl.techniques.shading.seen_depths import SeenDepths
+from ssgi_cl.reference.direct import shade as reference
+from ssgi_cl.techniques.direct.light_data import PunctualLight, PunctualLights, kind_name
+from ssgi_cl.techniques.direct.light_maps import LightMaps
+from ssgi_cl.techniques.direct.seen_depths import SeenDepths
 from ssgi_cl.truth.raycast import RayCaster
 from ssgi_cl.tuning.context import Context
 from ssgi_cl.tuning.measured_scenes import views_of

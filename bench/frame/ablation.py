@@ -20,8 +20,8 @@ from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.render import render
+from ssgi_cl.rasterize.raster.view import gbuffer
 from ssgi_cl.rasterize.scenes import BuiltinScene
-from ssgi_cl.rasterize.view import gbuffer
 
 from .error import FrameError, frame_error
 from .measure import Progress, reference, without_emission

@@ -21,7 +21,7 @@ from ssgi_cl.bench.options import (
 from ssgi_cl.bench.peers import mitsuba_frame
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.rasterize.load import READERS
+from ssgi_cl.rasterize.files.load import READERS
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.tuning.measured_scenes import views_of
 

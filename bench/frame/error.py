@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.rasterize.textures import srgb_to_linear
-from ssgi_cl.techniques.shading.tonemap import auto_exposure
+from ssgi_cl.rasterize.files.textures import srgb_to_linear
+from ssgi_cl.techniques.filters.tonemap import auto_exposure
 from ssgi_cl.truth import metrics
 
 Floats = NDArray[np.float32]

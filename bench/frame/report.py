@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ssgi_cl.bench.pictures import error_colors
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.io import png
-from ssgi_cl.techniques.shading.tonemap import auto_exposure
+from ssgi_cl.techniques.filters.tonemap import auto_exposure
 
 from .ablation import Replaced
 from .error import FrameError, encoded

@@ -15,8 +15,8 @@ from ssgi_cl.core import checks
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.errors import MissingExtraError
 from ssgi_cl.core.scene import Scene
-from ssgi_cl.rasterize import opengl
-from ssgi_cl.rasterize.opengl_context import context as opengl_context
+from ssgi_cl.rasterize.raster import opengl
+from ssgi_cl.rasterize.raster.opengl_context import context as opengl_context
 from ssgi_cl.tuning.case import Subject
 from ssgi_cl.tuning.context import Context
 

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.scene import Scene
-from ssgi_cl.rasterize import opengl
+from ssgi_cl.rasterize.raster import opengl
 from ssgi_cl.tuning.case import Subject, count_of
 from ssgi_cl.tuning.context import Context
 

@@ -13,7 +13,7 @@
 #include "common/gbuffer.clh"
 
 #if UPSAMPLE_STEP == 1 || UPSAMPLE_STEP == 2 || UPSAMPLE_STEP == 4
-#include "upsample/phases.clh"
+#include "filters/phases.clh"
 #endif
 
 #if !defined(REDUCE_COUNT) || !defined(UPSAMPLE_STEP)

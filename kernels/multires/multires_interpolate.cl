@@ -32,7 +32,7 @@
 #define UPSAMPLE_STEP 2
 #include "multires/list.clh"
 #include "multires/points.clh"
-#include "upsample/phases.clh"
+#include "filters/phases.clh"
 
 #ifndef MULTIRES_CHANNELS
 #error "MULTIRES_CHANNELS must be defined by the host"

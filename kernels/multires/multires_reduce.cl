@@ -14,7 +14,7 @@
 #include "common/camera.clh"
 #include "common/gbuffer.clh"
 #include "common/surface.clh"
-#include "upsample/phases.clh"
+#include "filters/phases.clh"
 
 __kernel void multires_reduce(ssgi_plane fine_depth, ssgi_plane fine_normal,
                               __global float *restrict depth, __global float *restrict linear,

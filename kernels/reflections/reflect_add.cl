@@ -15,7 +15,7 @@
 #include "common/phong.clh"
 #include "common/surface.clh"
 
-// The struct ReflectParams is generated from ssgi_cl.techniques.indirect.reflections.
+// The struct ReflectParams is generated from ssgi_cl.techniques.reflections.reflections.
 
 #if !defined(REFLECT_STRIDE) || !defined(REFLECT_LAST)
 #error "REFLECT_STRIDE and REFLECT_LAST must be defined by the host"

@@ -8,7 +8,7 @@
 //          1987).
 // Reads:   depth, normal  with margin; normal in view space
 //          samples  [directions / 16][4 rows][SAMPLED_FIELDS][16 columns], see
-//                   ssgi_cl/techniques/sampled_lights.py
+//                   ssgi_cl/techniques/sampled_lights/sampled_lights.py
 //          maps     [directions][texels][texels] bits of the depth, see sampled_depth
 // Writes:  irradiance  3 x [rows, columns] W/m^2, 0 where nothing is
 // Macros:  SAMPLED_COUNT: directions of a pixel

@@ -31,7 +31,7 @@ from ssgi_cl.io.console import (
     yfov_of,
 )
 from ssgi_cl.io.previews import VIEWS, gbuffer_views, levels_view, share_view
-from ssgi_cl.rasterize.load import READERS
+from ssgi_cl.rasterize.files.load import READERS
 from ssgi_cl.techniques.catalogue import TECHNIQUES
 
 if TYPE_CHECKING:
@@ -315,7 +315,7 @@ def _from_file(
     path: Path, options: dict[str, Any], runtime: Runtime
 ) -> tuple[Scene, Camera, tuple[Light, ...], float | None]:
     from ssgi_cl.rasterize import load_scene
-    from ssgi_cl.rasterize.default_camera import default_lights
+    from ssgi_cl.rasterize.raster.default_camera import default_lights
 
     if (options["eye"] is None) != (options["target"] is None):
         raise click.UsageError("--eye and --target go together")
@@ -344,7 +344,7 @@ def _names_a_file(camera: str) -> bool:
 
 def _camera_of(scene: Scene, path: Path, options: dict[str, Any], runtime: Runtime) -> Camera:
     """Return the camera of a file's scene that was asked for by its name, or the default one."""
-    from ssgi_cl.rasterize.default_camera import default_camera
+    from ssgi_cl.rasterize.raster.default_camera import default_camera
 
     name = options["camera"]
     if name is not None and name not in scene.cameras:
@@ -364,7 +364,7 @@ def _camera_of(scene: Scene, path: Path, options: dict[str, Any], runtime: Runti
 
 
 def _camera_file(path: Path, options: dict[str, Any]) -> Camera:
-    from ssgi_cl.rasterize.default_camera import camera_from_json
+    from ssgi_cl.rasterize.raster.default_camera import camera_from_json
 
     return camera_from_json(path, options["width"], options["height"])
 

@@ -37,7 +37,7 @@ RASTER_COUNTERS = 2
 RSM_LEAST_COSINE = 0.1
 """A texel seen at a flatter angle stands for the area that it has at this cosine."""
 RSM_RECORD = 12
-"""Floats of a texel, see kernels/rsm_gather/records.clh."""
+"""Floats of a texel, see kernels/rsm/records.clh."""
 
 SHADE_CUBE_SLOPE = 2.0404
 """Over the albedo, of A^3 in the fit of several bounces (Jimenez et al. 2016)."""
@@ -60,7 +60,7 @@ MULTIRES_CHUNK = 16
 """Tiles that a work-item lists."""
 
 SUBSPLAT_IMAGES = 5
-"""Images of a level of the min-max mipmap, see kernels/multires_published/variation.clh."""
+"""Images of a level of the min-max mipmap, see kernels/multires/variation.clh."""
 SUBSPLAT_EMPTY = -1.0
 """Its depth where nothing is."""
 

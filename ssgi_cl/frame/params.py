@@ -17,15 +17,16 @@ from ssgi_cl.device.constants import VPL_MARGIN_CELLS
 from ssgi_cl.frame.skips import Needs, chosen_skips
 from ssgi_cl.techniques.ao.occlusion import OcclusionParams
 from ssgi_cl.techniques.catalogue import TECHNIQUES
-from ssgi_cl.techniques.indirect import multires_splat, rsm_gather
-from ssgi_cl.techniques.indirect.multires_published import MultiresPublishedParams
-from ssgi_cl.techniques.indirect.multires_splat import MultiresSplatParams
-from ssgi_cl.techniques.indirect.occupancy_grid import MOST_CELLS
-from ssgi_cl.techniques.indirect.rsm_gather import RsmGatherParams
-from ssgi_cl.techniques.indirect.rsm_published import RsmPublishedParams
-from ssgi_cl.techniques.indirect.ssdo_params import SsdoParams
-from ssgi_cl.techniques.indirect.vpl_splat import VplSplatParams
-from ssgi_cl.techniques.shading.tonemap import CURVES
+from ssgi_cl.techniques.filters.tonemap import CURVES
+from ssgi_cl.techniques.multires import multires_splat
+from ssgi_cl.techniques.multires.multires_published import MultiresPublishedParams
+from ssgi_cl.techniques.multires.multires_splat import MultiresSplatParams
+from ssgi_cl.techniques.occupancy.occupancy_grid import MOST_CELLS
+from ssgi_cl.techniques.rsm import rsm_gather
+from ssgi_cl.techniques.rsm.rsm_gather import RsmGatherParams
+from ssgi_cl.techniques.rsm.rsm_published import RsmPublishedParams
+from ssgi_cl.techniques.ssdo.ssdo_params import SsdoParams
+from ssgi_cl.techniques.vpl.vpl_splat import VplSplatParams
 
 AO_DEFAULT = "gtao"
 BOUNCES = ("multires", "vpl", "gather", "ssdo")

@@ -35,7 +35,7 @@ from ssgi_cl.frame.passes.ssdo import ssdo
 from ssgi_cl.frame.passes.surfels import surfels
 from ssgi_cl.frame.passes.tonemap import tonemap
 from ssgi_cl.frame.stage import Stage
-from ssgi_cl.techniques.shading.shade import Shade
+from ssgi_cl.techniques.direct.shade import Shade
 
 IN_COMMON = (LIGHTS, SHADOWS, SKY, MULTI_BOUNCE)
 """Resources that a layer that is seen through shares with what is behind it."""

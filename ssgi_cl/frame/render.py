@@ -12,7 +12,7 @@ from ssgi_cl.frame.params import FrameParams
 from ssgi_cl.frame.renderer import Renderer, default_ao_radius
 from ssgi_cl.frame.result import Frame
 from ssgi_cl.frame.skips import chosen_skips
-from ssgi_cl.rasterize.view import device_scene
+from ssgi_cl.rasterize.raster.view import device_scene
 
 __all__ = ["Frame", "Renderer", "default_ao_radius", "render"]
 

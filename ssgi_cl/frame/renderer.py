@@ -41,8 +41,8 @@ from ssgi_cl.frame.pipeline import PIPELINES
 from ssgi_cl.frame.record import GraphLog, GraphRecord
 from ssgi_cl.frame.result import Frame
 from ssgi_cl.frame.skips import Needs
-from ssgi_cl.rasterize.view import downloaded
-from ssgi_cl.rasterize.visible_extent import visible_extent
+from ssgi_cl.rasterize.raster.view import downloaded
+from ssgi_cl.rasterize.raster.visible_extent import visible_extent
 
 AO_RADIUS_SHARE = 0.05
 """Default radius of ambient occlusion, as a fraction of the picture's diagonal at what is seen."""

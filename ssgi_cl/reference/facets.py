@@ -1,4 +1,4 @@
-"""Planes of triangles from a depth image in float64, as kernels/shade/facet.clh defines them."""
+"""Planes of triangles from a depth image in float64, as kernels/direct/facet.clh defines them."""
 
 from __future__ import annotations
 

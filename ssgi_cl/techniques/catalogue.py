@@ -7,12 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from ssgi_cl.techniques import sampled_lights
 from ssgi_cl.techniques.ao import bitmask_ao, gtao, hbao, ssao
-from ssgi_cl.techniques.filters import bilateral, upsample
-from ssgi_cl.techniques.indirect import multires_splat, rsm_gather, ssdo, vpl_splat
-from ssgi_cl.techniques.shading import shade, tonemap
+from ssgi_cl.techniques.direct import shade
+from ssgi_cl.techniques.filters import bilateral, tonemap, upsample
+from ssgi_cl.techniques.multires import multires_splat
+from ssgi_cl.techniques.rsm import rsm_gather
+from ssgi_cl.techniques.sampled_lights import sampled_lights
+from ssgi_cl.techniques.ssdo import ssdo
 from ssgi_cl.techniques.technique import Technique
+from ssgi_cl.techniques.vpl import vpl_splat
 
 CATALOGUE: dict[str, Technique] = {
     module.DESCRIPTOR.name: module.DESCRIPTOR

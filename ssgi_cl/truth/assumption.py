@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.reference.ao.ssao import visibility
 from ssgi_cl.reference.gbuffer import SurfaceView
-from ssgi_cl.reference.ssao import visibility
 from ssgi_cl.techniques.ao.ssao import SsaoParams, sample_points
 from ssgi_cl.truth.digests import camera_description, digest
 from ssgi_cl.truth.estimators import versioned

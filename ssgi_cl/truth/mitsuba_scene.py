@@ -19,8 +19,8 @@ from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.errors import MissingExtraError
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light, SpotLight
 from ssgi_cl.core.scene import Material, Scene
-from ssgi_cl.rasterize.textures import srgb_to_linear
-from ssgi_cl.techniques.shading.light_data import power
+from ssgi_cl.rasterize.files.textures import srgb_to_linear
+from ssgi_cl.techniques.direct.light_data import power
 from ssgi_cl.truth.emitters import Emitters
 from ssgi_cl.truth.phong_bsdf import PHONG, register_phong
 

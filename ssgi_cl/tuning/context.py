@@ -17,10 +17,10 @@ from ssgi_cl.core.lights import Environment
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.rasterize.rasterizer import Rasterizer
+from ssgi_cl.rasterize.raster.rasterizer import Rasterizer
+from ssgi_cl.rasterize.raster.view import device_scene, downloaded, margin_of
 from ssgi_cl.rasterize.scenes import BuiltinScene
-from ssgi_cl.rasterize.view import device_scene, downloaded, margin_of
-from ssgi_cl.techniques.shading.light_data import PunctualLight
+from ssgi_cl.techniques.direct.light_data import PunctualLight
 from ssgi_cl.truth import Truth, metrics
 
 T = TypeVar("T")

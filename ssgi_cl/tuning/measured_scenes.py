@@ -17,8 +17,8 @@ from ssgi_cl.core.errors import SceneError
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.render import default_ao_radius
 from ssgi_cl.rasterize import load_scene
-from ssgi_cl.rasterize.default_camera import camera_from_json, default_camera, default_lights
-from ssgi_cl.rasterize.load import READERS
+from ssgi_cl.rasterize.files.load import READERS
+from ssgi_cl.rasterize.raster.default_camera import camera_from_json, default_camera, default_lights
 from ssgi_cl.rasterize.scenes import SCENE_NAMES, BuiltinScene, is_scene, make_scene
 
 _PIXELS = (800, 600)

@@ -13,8 +13,8 @@ from ssgi_cl.core import checks
 from ssgi_cl.core.keywords import checked_keywords
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.rasterize.raster.view import MOST_LAYERS
 from ssgi_cl.rasterize.scenes import BuiltinScene
-from ssgi_cl.rasterize.view import MOST_LAYERS
 from ssgi_cl.techniques.catalogue import TECHNIQUES
 from ssgi_cl.techniques.technique import Technique
 from ssgi_cl.truth.digests import scene_digest

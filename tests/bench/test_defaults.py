@@ -19,9 +19,9 @@ from ssgi_cl.bench.experiments.scan_views import view_errors
 from ssgi_cl.bench.scene_sets import SETS, SceneSets
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
-from ssgi_cl.reference import shade as reference
-from ssgi_cl.techniques.indirect import multires_grid
-from ssgi_cl.techniques.indirect.ssdo_params import SsdoParams
+from ssgi_cl.reference.direct import shade as reference
+from ssgi_cl.techniques.multires import multires_grid
+from ssgi_cl.techniques.ssdo.ssdo_params import SsdoParams
 from ssgi_cl.tuning.context import Context, TruthSettings
 
 SIZE = (45, 60)
@@ -85,7 +85,7 @@ def test_wider_shadow_filter_errs_more(box: Context) -> None:
 
 
 def test_shadow_filter_is_the_one_that_was_chosen() -> None:
-    # The kernel's is held to the reference's by tests/techniques/test_shade_shadows.py.
+    # The kernel's is held to the reference's by tests/techniques/direct/test_shade_shadows.py.
     assert reference.REACH == 1
 
 

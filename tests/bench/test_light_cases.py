@@ -14,7 +14,7 @@ from ssgi_cl.bench.verdict import verdict
 from ssgi_cl.bench.wording import rmse
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import cornell_box
-from ssgi_cl.reference.shade import direct_reference, world_surface
+from ssgi_cl.reference.direct.shade import direct_reference, world_surface
 from ssgi_cl.tuning.context import Context
 
 from .documents import entry

@@ -12,7 +12,7 @@ from ssgi_cl.bench.cases import FAMILIES
 from ssgi_cl.bench.cases.ssao import ssao_subject
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import cornell_box
-from ssgi_cl.reference.gtao import gtao_reference
+from ssgi_cl.reference.ao.gtao import gtao_reference
 from ssgi_cl.techniques.ao.gtao import GtaoParams
 from ssgi_cl.techniques.ao.ssao import SsaoParams
 from ssgi_cl.tuning.case import Case

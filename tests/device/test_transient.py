@@ -15,8 +15,8 @@ from ssgi_cl.device.arrays import plane_bytes
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.transient import ALIGNMENT, TransientMemory, TransientPlane
 from ssgi_cl.frame.render import render
+from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.rasterize.scenes import make_scene
-from ssgi_cl.rasterize.view import device_scene
 
 MEBI = 1 << 20
 SIZE = (48, 40)

@@ -21,7 +21,7 @@ from typing import Any
 
 from ssgi_cl.core.errors import SsgiError
 from ssgi_cl.io import exr
-from ssgi_cl.rasterize.load import READERS, load_scene
+from ssgi_cl.rasterize.files.load import READERS, load_scene
 
 SECONDS = {"refused": 1.0, "loaded": 10.0}
 """Processor time that a file of a few kilobytes may take; a sound one can hold a large texture."""

@@ -15,9 +15,9 @@ from ssgi_cl.bench.cases.vpl_lobes import polished
 from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.params import PRESETS, cell_size, whole_params
-from ssgi_cl.rasterize.rasterizer import Rasterizer
+from ssgi_cl.rasterize.raster.rasterizer import Rasterizer
+from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.rasterize.scenes import make_scene
-from ssgi_cl.rasterize.view import device_scene
 
 Floats = NDArray[np.float32]
 

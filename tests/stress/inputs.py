@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
-from ssgi_cl.techniques.indirect.rsm_samples import cube_turns
+from ssgi_cl.techniques.rsm.rsm_samples import cube_turns
 
 Floats = NDArray[np.float32]
 Shape = tuple[int, ...]

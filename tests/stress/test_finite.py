@@ -15,17 +15,17 @@ from ssgi_cl.core.errors import DeviceError
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.device.gbuffer import on_device
 from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.techniques.ao.multi_bounce import multi_bounce
 from ssgi_cl.techniques.catalogue import of_kind
+from ssgi_cl.techniques.direct.shade import shade
 from ssgi_cl.techniques.filters.bilateral import bilateral_blur
+from ssgi_cl.techniques.filters.tonemap import tonemap
 from ssgi_cl.techniques.filters.upsample import coarse_size, upsample
-from ssgi_cl.techniques.indirect.multires_splat import multires_splat
-from ssgi_cl.techniques.indirect.rsm_gather import rsm_gather
-from ssgi_cl.techniques.indirect.ssdo import ssdo
-from ssgi_cl.techniques.indirect.vpl_splat import vpl_splat
-from ssgi_cl.techniques.shading.multi_bounce import multi_bounce
-from ssgi_cl.techniques.shading.shade import shade
-from ssgi_cl.techniques.shading.tonemap import tonemap
+from ssgi_cl.techniques.multires.multires_splat import multires_splat
+from ssgi_cl.techniques.rsm.rsm_gather import rsm_gather
+from ssgi_cl.techniques.ssdo.ssdo import ssdo
 from ssgi_cl.techniques.technique import Technique
+from ssgi_cl.techniques.vpl.vpl_splat import vpl_splat
 
 from .inputs import gbuffers, hdr, lights, maps, radii, seeds
 

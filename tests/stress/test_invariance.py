@@ -21,10 +21,10 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.techniques.catalogue import of_kind
 from ssgi_cl.techniques.filters.bilateral import bilateral_blur
 from ssgi_cl.techniques.filters.upsample import coarse_size, upsample
-from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat, MultiresSplatParams
-from ssgi_cl.techniques.indirect.rsm_gather import rsm_gather
-from ssgi_cl.techniques.indirect.ssdo import ssdo
-from ssgi_cl.techniques.indirect.vpl_splat import VplSplat, VplSplatParams
+from ssgi_cl.techniques.multires.multires_splat import MultiresSplat, MultiresSplatParams
+from ssgi_cl.techniques.rsm.rsm_gather import rsm_gather
+from ssgi_cl.techniques.ssdo.ssdo import ssdo
+from ssgi_cl.techniques.vpl.vpl_splat import VplSplat, VplSplatParams
 
 from ..techniques.analytic import camera, scene
 from .inputs import gbuffers, hdr, radii, seeds

@@ -16,10 +16,10 @@ from ssgi_cl import techniques
 from ssgi_cl.core.params import Prepared
 from ssgi_cl.device.arrays import DeviceArray, Plane
 from ssgi_cl.techniques.catalogue import CATALOGUE
-from ssgi_cl.techniques.indirect.multires_grid import MultiresGrid
-from ssgi_cl.techniques.indirect.packed_vpls import WorldVpls
-from ssgi_cl.techniques.indirect.ssdo import SsdoPlanes
+from ssgi_cl.techniques.multires.multires_grid import MultiresGrid
+from ssgi_cl.techniques.ssdo.ssdo import SsdoPlanes
 from ssgi_cl.techniques.technique import FIRST
+from ssgi_cl.techniques.vpl.packed_vpls import WorldVpls
 
 OTHER_FIRST = {"Radiosity": "scene", "Tonemap": "radiance"}
 """Classes whose first argument isn't the G-buffer."""

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-import ssgi_cl.reference.ssao as model
+import ssgi_cl.reference.ao.ssao as model
 import ssgi_cl.truth.store as store
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.device.runtime import Runtime

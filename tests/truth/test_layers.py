@@ -20,7 +20,7 @@ from ssgi_cl.core.errors import MissingExtraError
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.rasterize.view import gbuffer
+from ssgi_cl.rasterize.raster.view import gbuffer
 from ssgi_cl.truth import Truth, ambient_occlusion, layered_occlusion, metrics
 from ssgi_cl.truth.layer_mesh import JOINS, layer_mesh
 

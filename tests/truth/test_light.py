@@ -21,11 +21,11 @@ from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
 from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.rasterize.raster.shadow_map import rsm
+from ssgi_cl.rasterize.raster.view import gbuffer
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
-from ssgi_cl.rasterize.shadow_map import rsm
-from ssgi_cl.rasterize.view import gbuffer
-from ssgi_cl.reference.shade import direct_reference, world_surface
-from ssgi_cl.techniques.shading.shade import shade
+from ssgi_cl.reference.direct.shade import direct_reference, world_surface
+from ssgi_cl.techniques.direct.shade import shade
 from ssgi_cl.truth import metrics, mitsuba_scene, path_tracer, store
 from ssgi_cl.truth.light import direct_light, one_bounce
 from ssgi_cl.truth.mitsuba_scene import MitsubaScene

@@ -16,7 +16,7 @@ from ssgi_cl.core.errors import MissingExtraError
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light
 from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.rasterize.view import gbuffer
+from ssgi_cl.rasterize.raster.view import gbuffer
 from ssgi_cl.truth import mitsuba_scene
 from ssgi_cl.truth.mitsuba_scene import MitsubaScene
 from ssgi_cl.truth.path_tracer import BounceWithoutVisibility, DirectLight, PathTracer, Surface

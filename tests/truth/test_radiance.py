@@ -18,7 +18,7 @@ from ssgi_cl.core.errors import MissingExtraError
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
 from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
-from ssgi_cl.reference.shade import sky_reference
+from ssgi_cl.reference.direct.shade import sky_reference
 from ssgi_cl.truth import mitsuba_scene, radiance_tracer, store
 from ssgi_cl.truth.light import direct_light, one_bounce
 from ssgi_cl.truth.mitsuba_scene import MitsubaScene

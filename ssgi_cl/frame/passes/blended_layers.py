@@ -10,8 +10,8 @@ from ssgi_cl.device.arrays import Plane
 from ssgi_cl.frame.passes.build import Build
 from ssgi_cl.frame.passes.resources import CAMERA, GBUFFER, RADIANCE, RSM, SCENE
 from ssgi_cl.frame.stage import Stage, Values, run_in_order
-from ssgi_cl.rasterize.blended_layers import BlendedLayers
-from ssgi_cl.rasterize.view import device_scene
+from ssgi_cl.rasterize.raster.blended_layers import BlendedLayers
+from ssgi_cl.rasterize.raster.view import device_scene
 
 
 def blended_layers(

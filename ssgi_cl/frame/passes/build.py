@@ -9,7 +9,7 @@ from typing import Any
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.params import FrameParams
-from ssgi_cl.rasterize.rasterizer import Rasterizer
+from ssgi_cl.rasterize.raster.rasterizer import Rasterizer
 
 
 @dataclass(eq=False)

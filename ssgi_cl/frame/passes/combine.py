@@ -8,7 +8,7 @@ from ssgi_cl.device.arrays import Plane
 from ssgi_cl.frame.passes.build import Build
 from ssgi_cl.frame.passes.resources import AO, DIRECT, GBUFFER, INDIRECT, LOBE_LIGHT, MATT, MULTI_BOUNCE, SKY, SKY_LIGHT
 from ssgi_cl.frame.stage import Stage, Values
-from ssgi_cl.techniques.shading.shade import Shade
+from ssgi_cl.techniques.direct.shade import Shade
 
 
 def combine(build: Build, shade: Shade, light: Iterable[str], *, ambient: bool) -> Stage:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ssgi_cl.frame.passes.resources import DIRECT, GBUFFER, LIGHTS, SHADOWS
 from ssgi_cl.frame.stage import Stage
-from ssgi_cl.techniques.shading.shade import Shade
+from ssgi_cl.techniques.direct.shade import Shade
 
 
 def direct_light(shade: Shade) -> Stage:

@@ -16,9 +16,9 @@ from ssgi_cl.frame.passes.resources import (
     SURFELS,
 )
 from ssgi_cl.frame.stage import Stage, Values
-from ssgi_cl.rasterize.view import device_scene
-from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat, MultiresSplatParams
-from ssgi_cl.techniques.indirect.occupancy_grid import MOST_CELLS, Occupancy
+from ssgi_cl.rasterize.raster.view import device_scene
+from ssgi_cl.techniques.multires.multires_splat import MultiresSplat, MultiresSplatParams
+from ssgi_cl.techniques.occupancy.occupancy_grid import MOST_CELLS, Occupancy
 
 SURFEL_CAPACITY = 2
 """Light sources that radiosity returns, at most, over the surfels asked for."""

@@ -9,7 +9,7 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.frame.passes.build import Build
 from ssgi_cl.frame.passes.resources import CAMERA, GBUFFER, SCENE
 from ssgi_cl.frame.stage import Stage, Values
-from ssgi_cl.rasterize.view import device_scene
+from ssgi_cl.rasterize.raster.view import device_scene
 
 
 def gbuffer(build: Build, look: Callable[[DeviceGBuffer], None] | None = None) -> Stage:

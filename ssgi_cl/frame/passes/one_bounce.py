@@ -17,13 +17,13 @@ from ssgi_cl.frame.params import OneBounceParams
 from ssgi_cl.frame.passes.build import Build
 from ssgi_cl.frame.passes.resources import CASTING, GBUFFER, INDIRECT, INDIRECT_PARAMS, LEVELS, RSM
 from ssgi_cl.frame.stage import Stage, Values
-from ssgi_cl.rasterize.device_scene import DeviceScene
-from ssgi_cl.rasterize.view import device_scene
-from ssgi_cl.techniques.indirect.multires_published import MultiresPublished
-from ssgi_cl.techniques.indirect.multires_splat import MultiresSplat
-from ssgi_cl.techniques.indirect.rsm_gather import RsmGather
-from ssgi_cl.techniques.indirect.rsm_published import RsmPublished
-from ssgi_cl.techniques.indirect.vpl_splat import VplSplat
+from ssgi_cl.rasterize.raster.device_scene import DeviceScene
+from ssgi_cl.rasterize.raster.view import device_scene
+from ssgi_cl.techniques.multires.multires_published import MultiresPublished
+from ssgi_cl.techniques.multires.multires_splat import MultiresSplat
+from ssgi_cl.techniques.rsm.rsm_gather import RsmGather
+from ssgi_cl.techniques.rsm.rsm_published import RsmPublished
+from ssgi_cl.techniques.vpl.vpl_splat import VplSplat
 
 
 class OneBounce(Protocol):

@@ -6,7 +6,7 @@ from ssgi_cl.device.arrays import Plane
 from ssgi_cl.frame.passes.build import Build
 from ssgi_cl.frame.passes.resources import GBUFFER, GLOSSY, LIGHT_VOLUME, LIGHTS, LOBE_LIGHT, MATT, OCCUPANCY, SHADOWS
 from ssgi_cl.frame.stage import Stage, Values
-from ssgi_cl.techniques.indirect.reflections import Reflections
+from ssgi_cl.techniques.reflections.reflections import Reflections
 
 
 def reflections(build: Build) -> Stage:

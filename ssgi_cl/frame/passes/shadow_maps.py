@@ -8,9 +8,9 @@ from ssgi_cl.core.lights import Environment
 from ssgi_cl.frame.passes.build import Build
 from ssgi_cl.frame.passes.resources import CASTING, GBUFFER, LIGHTS, RSM, SHADOWS
 from ssgi_cl.frame.stage import Stage, Values
-from ssgi_cl.techniques.shading.light_data import power
-from ssgi_cl.techniques.shading.light_maps import LightMaps
-from ssgi_cl.techniques.shading.seen_depths import SeenDepths
+from ssgi_cl.techniques.direct.light_data import power
+from ssgi_cl.techniques.direct.light_maps import LightMaps
+from ssgi_cl.techniques.direct.seen_depths import SeenDepths
 
 
 def shadow_maps(build: Build) -> Stage:

@@ -6,7 +6,7 @@ from ssgi_cl.core.lights import Environment, shines
 from ssgi_cl.frame.passes.build import Build
 from ssgi_cl.frame.passes.resources import CASTING, GBUFFER, LIGHTS, SKY_LIGHT
 from ssgi_cl.frame.stage import Stage, Values
-from ssgi_cl.techniques.sampled_lights import SampledLights, SampledLightsParams
+from ssgi_cl.techniques.sampled_lights.sampled_lights import SampledLights, SampledLightsParams
 
 
 def sky_light(build: Build) -> Stage:

@@ -20,7 +20,7 @@ from ssgi_cl.frame.passes.resources import (
     SHADOWS,
 )
 from ssgi_cl.frame.stage import Stage, Values
-from ssgi_cl.techniques.indirect.ssdo import Ssdo
+from ssgi_cl.techniques.ssdo.ssdo import Ssdo
 
 
 def ssdo(build: Build) -> tuple[list[Stage], Callable[[DeviceGBuffer], None]]:

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from ssgi_cl.frame.passes.build import Build
 from ssgi_cl.frame.passes.resources import CASTING, LIGHT_VOLUME, LIGHTS, RSM, SURFELS
 from ssgi_cl.frame.stage import Stage, Values
-from ssgi_cl.techniques.indirect.light_volume import LightVolume
-from ssgi_cl.techniques.indirect.radiosity import Radiosity, RadiosityParams
-from ssgi_cl.techniques.indirect.world_vpls import WorldVpls
+from ssgi_cl.techniques.radiosity.light_volume import LightVolume
+from ssgi_cl.techniques.radiosity.radiosity import Radiosity, RadiosityParams
+from ssgi_cl.techniques.vpl.world_vpls import WorldVpls
 
 
 def surfels(build: Build) -> Stage:

@@ -10,8 +10,8 @@ from ssgi_cl.device.arrays import Plane
 from ssgi_cl.frame.passes.build import Build
 from ssgi_cl.frame.passes.resources import EXPOSURE, GBUFFER, IMAGE, PIXELS, RADIANCE
 from ssgi_cl.frame.stage import Stage
-from ssgi_cl.techniques.shading.shade import Shade
-from ssgi_cl.techniques.shading.tonemap import Tonemap, TonemapParams, auto_exposure
+from ssgi_cl.techniques.direct.shade import Shade
+from ssgi_cl.techniques.filters.tonemap import Tonemap, TonemapParams, auto_exposure
 
 
 def tonemap(build: Build, shade: Shade) -> list[Stage]:

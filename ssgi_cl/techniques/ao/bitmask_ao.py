@@ -189,7 +189,7 @@ DESCRIPTOR = Technique(
     function=bitmask_ao,
     params=BitmaskParams,
     technique=BitmaskAo,
-    reference="ssgi_cl.reference.bitmask_ao",
+    reference="ssgi_cl.reference.ao.bitmask_ao",
     kernels={
         "bitmask_ao/bitmask_ao.cl": (
             *MACROS,

@@ -347,7 +347,7 @@ DESCRIPTOR = Technique(
     function=ssao,
     params=SsaoParams,
     technique=Ssao,
-    reference="ssgi_cl.reference.ssao",
+    reference="ssgi_cl.reference.ao.ssao",
     kernels={
         "ssao/ssao.cl": (
             "SSAO_MOST_SAMPLES",

@@ -117,7 +117,7 @@ class Bilateral(Prepared[BilateralParams]):
         self._shapes = (0, 1) if params.separable else (2,)
         self._kernels = {
             shape: runtime.kernel(
-                "bilateral/bilateral_blur.cl",
+                "filters/bilateral_blur.cl",
                 {
                     "BLUR_RADIUS": params.radius,
                     "BLUR_COUNT": channels,
@@ -174,7 +174,7 @@ class Bilateral(Prepared[BilateralParams]):
 
 
 def _weight_table(params: BilateralParams) -> NDArray[np.float32]:
-    """Return the weights in space as kernels/bilateral/bilateral_blur.cl reads them."""
+    """Return the weights in space as kernels/filters/bilateral_blur.cl reads them."""
     weights = np.append(params.weights(), 0.0)
     weights[0] = 0.0 if params.separable else 1.0  # what a pixel adds to itself, a kernel knows
     return weights.astype(np.float32)
@@ -234,8 +234,8 @@ DESCRIPTOR = Technique(
     function=bilateral_blur,
     params=BilateralParams,
     technique=Bilateral,
-    reference="ssgi_cl.reference.bilateral",
-    kernels={"bilateral/bilateral_blur.cl": ("BLUR_COUNT", "BLUR_RADIUS", "BLUR_ROWS", "BLUR_SHAPE")},
+    reference="ssgi_cl.reference.filters.bilateral",
+    kernels={"filters/bilateral_blur.cl": ("BLUR_COUNT", "BLUR_RADIUS", "BLUR_ROWS", "BLUR_SHAPE")},
     reads=("depth", "normal", "image"),
     writes=("image",),
     bench=Bench(families=("blur",), rows={"bilateral_blur": ("edge-aware blur", (("15 x 15, separable", "blur.7"),))}),

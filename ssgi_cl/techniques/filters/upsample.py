@@ -158,7 +158,7 @@ class Upsample(Prepared[UpsampleParams]):
         self.size = size
         self._params = params or UpsampleParams()
         self._kernel = runtime.kernel(
-            "upsample/upsample_joint.cl",
+            "filters/upsample_joint.cl",
             {"UPSAMPLE_COUNT": channels, "UPSAMPLE_STEP": self._params.step},
             (CAMERA, UPSAMPLE),
         )
@@ -366,11 +366,11 @@ DESCRIPTOR = Technique(
     function=upsample,
     params=UpsampleParams,
     technique=Upsample,
-    reference="ssgi_cl.reference.upsample",
+    reference="ssgi_cl.reference.filters.upsample",
     kernels={
-        "upsample/upsample_joint.cl": ("UPSAMPLE_COUNT", "UPSAMPLE_STEP"),
-        "upsample/upsample_blur_rows.cl": ("BLUR_RADIUS", "UPSAMPLE_STEP"),
-        "upsample/upsample_blur_columns.cl": ("BLUR_RADIUS", "UPSAMPLE_STEP"),
+        "filters/upsample_joint.cl": ("UPSAMPLE_COUNT", "UPSAMPLE_STEP"),
+        "filters/upsample_blur_rows.cl": ("BLUR_RADIUS", "UPSAMPLE_STEP"),
+        "filters/upsample_blur_columns.cl": ("BLUR_RADIUS", "UPSAMPLE_STEP"),
     },
     reads=("depth", "normal", "image"),
     writes=("image",),

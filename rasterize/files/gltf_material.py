@@ -1,0 +1,191 @@
+"""Materials and images of a glTF document, read from its JSON so that no bits are lost."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.core.checks import MOST_LIGHT
+from ssgi_cl.core.errors import SceneError, shown
+from ssgi_cl.core.scene import Material
+from ssgi_cl.rasterize.files.gltf_document import item
+from ssgi_cl.rasterize.files.gltf_schema import Json
+from ssgi_cl.rasterize.files.metal_rough import Lobe, metal_rough_lobe, rough_lobe
+from ssgi_cl.rasterize.files.textures import TextureSet, lets_through, mean_color, read_uri
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GltfMaterial:
+    """A material and how it lays its texture.
+
+    Attributes:
+        material: what `Scene` keeps.
+        uv_set: which TEXCOORD_n the base colour texture uses.
+        uv_matrix: [2, 3] of KHR_texture_transform, for glTF's coordinates (v runs down).
+    """
+
+    material: Material
+    uv_set: int = 0
+    uv_matrix: NDArray[np.float64] | None = None
+
+    def laid_out(self, uvs: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return `uvs` [vertices, 2] as the file has them with v = 0 at the bottom row."""
+        if self.uv_matrix is not None:
+            uvs = uvs @ self.uv_matrix[:, :2].T + self.uv_matrix[:, 2]
+        return np.stack([uvs[:, 0], 1.0 - uvs[:, 1]], axis=1)
+
+
+class GltfMaterials:
+    """The materials of a document, read when first asked for.
+
+    Attributes:
+        in_order: those asked for, in that order.
+    """
+
+    def __init__(self, document: Json, views: list[memoryview], folder: Path, textures: TextureSet) -> None:
+        self.in_order: list[Material] = []
+        self._document = document
+        self._views = views
+        self._folder = folder
+        self._textures = textures
+        self._known: dict[int | None, tuple[int, GltfMaterial]] = {}
+        self._images: dict[int, NDArray[np.uint8]] = {}
+
+    @property
+    def numbers(self) -> list[int]:
+        """Numbers of the document's materials that were asked for."""
+        return [index for index in self._known if index is not None]
+
+    def of(self, index: int | None) -> tuple[int, GltfMaterial]:
+        """Return the place in `in_order` and the material of a primitive; None is grey."""
+        if index not in self._known:
+            material = GltfMaterial(material=Material()) if index is None else self._read(index)
+            self._known[index] = len(self.in_order), material
+            self.in_order.append(material.material)
+        return self._known[index]
+
+    def _read(self, index: int) -> GltfMaterial:
+        source: Json = item(self._document.get("materials", []), index, "the number of a material")
+        extensions: Json = source.get("extensions", {})
+        glossy: Json | None = extensions.get("KHR_materials_pbrSpecularGlossiness")
+        if glossy is not None:
+            factor = glossy.get("diffuseFactor", [1.0] * 4)
+            laid: Json | None = glossy.get("diffuseTexture")
+        else:
+            metallic: Json = source.get("pbrMetallicRoughness", {})
+            factor = metallic.get("baseColorFactor", [1.0] * 4)
+            laid = metallic.get("baseColorTexture")
+        color = np.clip(factor, 0.0, 1.0)
+        mode = source.get("alphaMode", "OPAQUE")
+        cutoff = {"MASK": float(source.get("alphaCutoff", 0.5)), "BLEND": 0.5}.get(mode, 0.0)
+        texture, uv_set, uv_matrix = -1, 0, None
+        if laid is not None:
+            texture = self._textures.add(self._image(laid["index"]))
+            uv_set, uv_matrix = _layout(laid)
+        image = None if laid is None else self._image(laid["index"])
+        base = color[:3] if image is None else color[:3] * mean_color(image)
+        lobe = self._lobe(source, base)
+        through = self._through(source)
+        matt = lobe.matt * (1.0 - through)
+        red, green, blue = (lobe.matt * through * base).tolist()
+        return GltfMaterial(
+            material=Material(
+                name=str(source.get("name", "")),
+                specular=lobe.specular,
+                gloss=lobe.gloss,
+                albedo=(matt * float(color[0]), matt * float(color[1]), matt * float(color[2])),
+                texture=texture,
+                alpha_cutoff=min(max(cutoff, 0.0), 1.0),
+                alpha=float(color[3]),
+                blends=mode == "BLEND" and lets_through(float(color[3]), image),
+                transmission=(red, green, blue),
+                emission=self._emission(source, index),
+            ),
+            uv_set=uv_set,
+            uv_matrix=uv_matrix,
+        )
+
+    def _lobe(self, source: Json, base: NDArray[np.float64]) -> Lobe:
+        """Return what a material mirrors; textures of metal and roughness count with their mean.
+
+        `base` is the base colour, the mean of its texture.
+        """
+        glossy = source.get("extensions", {}).get("KHR_materials_pbrSpecularGlossiness")
+        if glossy is not None:
+            reflectance = np.array(glossy.get("specularFactor", [1.0] * 3), dtype=np.float64)
+            return rough_lobe(reflectance, base, 1.0 - float(glossy.get("glossinessFactor", 0.0)))
+        factors: Json = source.get("pbrMetallicRoughness", {})
+        metal = float(factors.get("metallicFactor", 1.0))
+        roughness = float(factors.get("roughnessFactor", 1.0))
+        laid = factors.get("metallicRoughnessTexture")
+        if laid is not None:
+            image = self._image(laid["index"])
+            roughness *= float(image[..., 1].mean()) / 255.0
+            metal *= float(image[..., 2].mean()) / 255.0
+        return metal_rough_lobe(base, metal, roughness)
+
+    def _through(self, source: Json) -> float:
+        """Return the share of the base colour that light passes by; a texture counts with its
+        mean."""
+        thin: Json = source.get("extensions", {}).get("KHR_materials_transmission", {})
+        factor = float(thin.get("transmissionFactor", 0.0))
+        laid = thin.get("transmissionTexture")
+        if laid is not None:
+            factor *= float(self._image(laid["index"])[..., 0].mean()) / 255.0
+        return min(max(factor, 0.0), 1.0)
+
+    def _emission(self, source: Json, index: int) -> tuple[float, float, float]:
+        """Return the radiance; an emissive texture counts with its mean, as emission is uniform."""
+        strength = float(
+            source.get("extensions", {}).get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
+        )
+        factor = source.get("emissiveFactor", [0.0] * 3)
+        emission = np.array(factor, dtype=np.float64) * strength
+        if not (emission <= MOST_LIGHT).all():  # false for NaN as well
+            raise SceneError(
+                f"material {index} emits {emission.tolist()}: expected finite numbers up to "
+                f"{MOST_LIGHT:g} (W m^-2 sr^-1)"
+            )
+        laid = source.get("emissiveTexture")
+        if laid is not None and emission.any():
+            emission = emission * mean_color(self._image(laid["index"]))
+        red, green, blue = (float(value) for value in emission.clip(0.0, None))
+        return red, green, blue
+
+    def _image(self, texture: int) -> NDArray[np.uint8]:
+        """Return the pixels of texture number `texture`."""
+        entry: Json = item(self._document.get("textures", []), texture, "the number of a texture")
+        webp = entry.get("extensions", {}).get("EXT_texture_webp", {})
+        index = webp.get("source", entry.get("source"))
+        if index is None:
+            raise SceneError(f"texture {texture} has no image in a supported format: {sorted(entry)}")
+        if index not in self._images:
+            image: Json = item(self._document.get("images", []), index, f"the image of texture {texture}")
+            what = f"image {index} {shown(image.get('name', image.get('uri', '')))}"
+            if "bufferView" in image:
+                data = bytes(item(self._views, image["bufferView"], f"the view of {what}"))
+            elif "uri" in image:
+                data = read_uri(image["uri"], self._folder, f"the uri of {what}")
+            else:
+                raise SceneError(f"{what} has neither a uri nor a buffer view")
+            self._images[index] = self._textures.decode(data, what)
+        return self._images[index]
+
+
+def _layout(laid: Json) -> tuple[int, NDArray[np.float64] | None]:
+    """Return the set of coordinates and the matrix of a textureInfo."""
+    uv_set = laid.get("texCoord", 0)
+    moved = laid.get("extensions", {}).get("KHR_texture_transform")
+    if moved is None:
+        return uv_set, None
+    scale, offset = moved.get("scale", [1.0] * 2), moved.get("offset", [0.0] * 2)
+    angle = float(moved.get("rotation", 0.0))
+    cosine, sine = math.cos(angle), math.sin(angle)
+    matrix = np.array(
+        [[cosine * scale[0], sine * scale[1], offset[0]], [-sine * scale[0], cosine * scale[1], offset[1]]]
+    )
+    return moved.get("texCoord", uv_set), matrix

@@ -1,0 +1,103 @@
+"""Loading scenes from files and from trimesh."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ssgi_cl.core import checks
+from ssgi_cl.core.errors import SceneError, SsgiError
+from ssgi_cl.core.keywords import checked_keywords
+from ssgi_cl.core.scene import Scene
+from ssgi_cl.rasterize.files.obj import read_obj
+from ssgi_cl.rasterize.files.textures import TextureSet
+from ssgi_cl.rasterize.normals import DEFAULT_CREASE_ANGLE
+from ssgi_cl.rasterize.parts import Contents, assemble
+
+if TYPE_CHECKING:
+    import trimesh
+
+_Reader = Callable[[Path, TextureSet], Contents]
+
+
+def _read_gltf(path: Path, textures: TextureSet) -> Contents:
+    from ssgi_cl.rasterize.files.gltf import read_gltf
+
+    return read_gltf(path, textures)
+
+
+def _read_ply(path: Path, textures: TextureSet) -> Contents:
+    from ssgi_cl.rasterize.files.ply import read_ply
+
+    return Contents(*read_ply(path, textures))
+
+
+def _read_obj(path: Path, textures: TextureSet) -> Contents:
+    return Contents(*read_obj(path, textures))
+
+
+# trimesh is imported where it is needed: it takes as long as all the rest of the library.
+READERS: dict[str, _Reader] = {".glb": _read_gltf, ".gltf": _read_gltf, ".obj": _read_obj, ".ply": _read_ply}
+"""Which function reads which kind of file; see each for what it keeps and what it leaves out."""
+
+
+@checked_keywords
+def load_scene(
+    source: str | os.PathLike[str] | trimesh.Scene | trimesh.Trimesh, *, crease_angle: float = DEFAULT_CREASE_ANGLE
+) -> Scene:
+    """Load a scene from a file (.glb, .gltf, .obj with .mtl, .ply) or from trimesh objects.
+
+    Every instance becomes triangles in world space around the centre of their bounds. Normals are
+    kept where the source has them and computed where it hasn't. Triangles without area are
+    dropped. Factors of materials are linear, textures and colours in OBJ and PLY sRGB-encoded.
+
+    Args:
+        source: path of the file, or what trimesh made.
+        crease_angle: radians, in [0, pi]; where normals are missing, faces that meet at a sharper
+            angle keep an edge between them, others are smoothed. 0 makes every face flat.
+
+    Returns:
+        The scene with the lights and cameras that a glTF file describes, and notes on what of the
+        file is not drawn.
+
+    Raises:
+        SceneError: the file is missing, of an unknown kind, damaged or without triangles; it
+            refers to a texture that is missing or outside of its folder; a vertex is not finite.
+        MissingExtraError: the file needs a package that is not installed.
+        ValueError: `crease_angle` is out of range.
+    """
+    angle = checks.number("crease_angle", crease_angle, low=0.0, high=math.pi, unit="radians")
+    textures = TextureSet()
+    if not isinstance(source, (str, os.PathLike)):
+        from ssgi_cl.rasterize.files.from_trimesh import read_trimesh
+
+        return _joined(Contents(*read_trimesh(source, textures)), textures, angle)
+    path = Path(source)
+    if not path.is_file():
+        raise SceneError(f"{path}: there is no such file")
+    reader = READERS.get(path.suffix.lower())
+    if reader is None:
+        kinds = ", ".join(READERS)
+        raise SceneError(f"{path} ends in {path.suffix!r}: expected one of {kinds}")
+    try:
+        return _joined(reader(path, textures), textures, angle)
+    except SsgiError as error:
+        if str(path.name) in str(error):
+            raise
+        raise type(error)(f"{path}: {error}") from error
+    except MemoryError as error:
+        raise SceneError(f"{path} asks for more memory than there is") from error
+    except Exception as error:  # a damaged file can trip any part of a parser
+        raise SceneError(f"{path} can't be read: {type(error).__name__}: {error}") from error
+
+
+def _joined(contents: Contents, textures: TextureSet, crease_angle: float) -> Scene:
+    """Return the scene of what a file holds."""
+    scene = assemble(contents.parts, contents.materials, textures.textures, crease_angle=crease_angle)
+    if not (contents.lights or contents.cameras or contents.notes):
+        return scene
+    return replace(scene, lights=contents.lights, cameras=contents.cameras, notes=contents.notes)

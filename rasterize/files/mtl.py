@@ -1,0 +1,198 @@
+"""Material libraries of Wavefront OBJ: .mtl text to materials."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from ssgi_cl.core.errors import SceneError, shown
+from ssgi_cl.core.scene import Material
+from ssgi_cl.rasterize.files.textures import TextureSet, read_beside
+
+# Options of a map statement and how many words follow each; -s, -o and -t take one to three.
+_OPTION_WORDS = {
+    "-blendu": 1, "-blendv": 1, "-boost": 1, "-mm": 2, "-texres": 1, "-clamp": 1, "-bm": 1,
+    "-imfchan": 1, "-type": 1, "-cc": 1, "-colorspace": 1,
+}  # fmt: skip
+_VECTOR_OPTIONS = ("-s", "-o", "-t")
+
+
+@dataclass(frozen=True, kw_only=True)
+class MtlMaterial:
+    """A material of a library and how it lays its texture.
+
+    Attributes:
+        material: albedo from Kd, emission from Ke, Phong lobe from Ks and Ns, opacity from d/Tr.
+        uv_scale, uv_offset: [2] each; the texture is looked up at scale * uv + offset.
+    """
+
+    material: Material
+    uv_scale: tuple[float, float] = (1.0, 1.0)
+    uv_offset: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass
+class _Map:
+    name: str
+    scale: tuple[float, float] = (1.0, 1.0)
+    offset: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass
+class _Entry:
+    name: str
+    numbers: dict[str, list[float]] = field(default_factory=dict)
+    maps: dict[str, _Map] = field(default_factory=dict)
+
+
+def read_mtl(text: str, folder: Path, textures: TextureSet, *, within: Path) -> dict[str, MtlMaterial]:
+    """Return the materials of a library by name.
+
+    Kd and Ke are taken as linear, map_Kd as sRGB-encoded. A map_d (or an opacity below 1) makes
+    the material cut out at one half: what is mostly transparent is a hole.
+
+    Args:
+        text: contents of the .mtl file; words may be parted by spaces or tabs.
+        folder: of the .mtl file; names of textures are relative to it.
+        textures: gets the textures that are used.
+        within: the folder that no texture may lie outside of.
+
+    Raises:
+        SceneError: a number can't be read, a texture is missing, damaged or outside of `within`.
+    """
+    entries: dict[str, _Entry] = {}
+    entry: _Entry | None = None
+    for line in text.replace("\\\r\n", " ").replace("\\\n", " ").split("\n"):
+        words = line.split()
+        if not words or words[0].startswith("#"):
+            continue
+        key = words[0].lower()
+        if key == "newmtl":
+            name = line.strip()[len("newmtl") :].strip()
+            entry = entries.setdefault(name, _Entry(name))
+        elif entry is None:
+            continue
+        elif key in ("kd", "ke", "ks", "ns", "d", "tr"):
+            entry.numbers[key] = _numbers(key, words[1:], entry.name)
+        elif key in ("map_kd", "map_d"):
+            entry.maps[key] = _map(line.strip()[len(key) :].strip(), entry.name)
+    images: dict[str, NDArray[np.uint8]] = {}
+
+    def image_of(entry: _Entry, key: str) -> NDArray[np.uint8] | None:
+        if key not in entry.maps:
+            return None
+        name = entry.maps[key].name
+        if name not in images:
+            what = f"the {key} texture of material {shown(entry.name)}"
+            data = read_beside(folder, name, what, within=within)
+            images[name] = textures.decode(data, f"{what} ({shown(name)})")
+        return images[name]
+
+    result = {}
+    for name, entry in entries.items():
+        texture = -1
+        if entry.maps:
+            texture = textures.add(_join(image_of(entry, "map_kd"), image_of(entry, "map_d")))
+        result[name] = _material(entry, texture)
+    return result
+
+
+def _numbers(key: str, words: list[str], material: str) -> list[float]:
+    values = []
+    for word in words:
+        if word.startswith("#"):
+            break
+        if key == "d" and word.lower() == "-halo":
+            continue
+        try:
+            values.append(float(word))
+        except ValueError:
+            raise SceneError(f"material {shown(material)}: {key} {shown(' '.join(words))}: expected numbers") from None
+    if not values or not all(math.isfinite(value) for value in values):
+        raise SceneError(f"material {shown(material)}: {key} {shown(' '.join(words))}: expected finite numbers")
+    return values
+
+
+def _map(text: str, material: str) -> _Map:
+    result = _Map("")
+    words = text.split()
+    place = 0
+    while place < len(words) and words[place].lower() in (*_OPTION_WORDS, *_VECTOR_OPTIONS):
+        option = words[place].lower()
+        place += 1
+        if option in _OPTION_WORDS:
+            place += _OPTION_WORDS[option]
+            continue
+        values: list[float] = []
+        while place < len(words) and len(values) < 3 and _is_number(words[place]):
+            values.append(float(words[place]))
+            place += 1
+        both = (values[0], values[1] if len(values) > 1 else values[0]) if values else (1.0, 1.0)
+        if option == "-s":
+            result.scale = both
+        elif option == "-o":
+            result.offset = ([*values, 0.0, 0.0][0], [*values, 0.0, 0.0][1])
+    # A name may hold several blanks in a row, so it is cut from the text rather than joined.
+    result.name = text.split(None, place)[place].strip() if place < len(words) else ""
+    if not result.name:
+        raise SceneError(f"material {shown(material)}: a map statement names no file: {shown(text)}")
+    return result
+
+
+def _is_number(word: str) -> bool:
+    try:
+        return math.isfinite(float(word))
+    except ValueError:
+        return False
+
+
+def _material(entry: _Entry, texture: int) -> MtlMaterial:
+    numbers = entry.numbers
+    opacity = numbers["d"][0] if "d" in numbers else 1.0 - numbers.get("tr", [0.0])[0]
+    opacity = min(max(opacity, 0.0), 1.0)
+    white = (1.0, 1.0, 1.0)
+    albedo = _rgb(numbers["kd"]) if "kd" in numbers else None
+    laid = entry.maps.get("map_kd") or entry.maps.get("map_d") or _Map("")
+    return MtlMaterial(
+        material=Material(
+            name=entry.name,
+            albedo=_clipped(albedo or (white if texture >= 0 else Material.albedo)),
+            texture=texture,
+            alpha=opacity,
+            alpha_cutoff=0.5 if opacity < 1.0 or "map_d" in entry.maps else 0.0,
+            blends=opacity < 1.0,
+            emission=_clipped(_rgb(numbers.get("ke", [0.0])), math.inf),
+            specular=_clipped(_rgb(numbers.get("ks", [0.0]))),
+            gloss=min(max(numbers.get("ns", [1.0])[0], 1.0), 1e6),
+        ),
+        uv_scale=laid.scale,
+        uv_offset=laid.offset,
+    )
+
+
+def _join(color: NDArray[np.uint8] | None, opacity: NDArray[np.uint8] | None) -> NDArray[np.uint8]:
+    """Return RGBA from map_Kd and map_d; without map_d the alpha of map_Kd is kept, unused."""
+    if opacity is None:
+        return np.full((1, 1, 4), 255, dtype=np.uint8) if color is None else color
+    # The opacity is the alpha channel where the image has one, else its grey value.
+    alpha = opacity[..., 3] if opacity[..., 3].min() < 255 else opacity[..., :3].max(axis=2)
+    if color is None:
+        color = np.full((*alpha.shape, 4), 255, dtype=np.uint8)
+    if alpha.shape != color.shape[:2]:
+        alpha = np.asarray(Image.fromarray(alpha).resize(color.shape[1::-1]))
+    return np.concatenate([color[..., :3], alpha[..., None]], axis=2)
+
+
+def _rgb(values: list[float]) -> tuple[float, float, float]:
+    """Return three numbers; the format lets one stand for all three."""
+    return (values[0], values[1], values[2]) if len(values) >= 3 else (values[0],) * 3
+
+
+def _clipped(values: tuple[float, float, float], high: float = 1.0) -> tuple[float, float, float]:
+    red, green, blue = (min(max(value, 0.0), high) for value in values)
+    return red, green, blue

@@ -1,0 +1,125 @@
+"""PLY: trimesh decodes the data; the header is read in ply_header, colours here."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from ssgi_cl.core.errors import SceneError
+from ssgi_cl.core.scene import Material
+from ssgi_cl.rasterize.files.ply_header import PlyHeader, read_header
+from ssgi_cl.rasterize.files.textures import TextureSet, read_beside, srgb_to_linear
+from ssgi_cl.rasterize.parts import Part
+
+_INDEX_LISTS = ("vertex_indices", "vertex_index")
+
+
+def read_ply(path: Path, textures: TextureSet) -> tuple[list[Part], list[Material]]:
+    """Read a PLY file of triangles and quadrilaterals, text or binary.
+
+    Colours (red, green, blue of vertices, else of faces; integers of their type's range or
+    floating-point numbers in [0, 1]) are taken as sRGB-encoded. The image that a `TextureFile`
+    comment names is the texture. The material is white if there are colours or a texture, else
+    grey.
+
+    Raises:
+        SceneError: damaged, a polygon has more than four corners, the texture is missing.
+    """
+    data = path.read_bytes()
+    header = read_header(data, path)
+    loaded = _decoded(header, data, path)
+    raw = loaded.metadata["_ply_raw"]
+    _check_lists(raw["face"], path)
+    positions = np.asarray(loaded.vertices, dtype=np.float64)
+    triangles = np.asarray(loaded.faces, dtype=np.int64)
+    untouched = len(positions) == raw["vertex"]["length"]
+    normals = _columns(raw["vertex"], ("nx", "ny", "nz")) if untouched else None
+    colors = _colors(raw["vertex"]) if untouched else None
+    uvs = getattr(loaded.visual, "uv", None)
+    uvs = None if uvs is None else np.asarray(uvs, dtype=np.float64)
+    if colors is None and (of_face := _colors(raw["face"])) is not None:
+        if len(of_face) != len(triangles):
+            raise SceneError(f"{path} has colours of quadrilaterals: cut them into triangles")
+        corners = triangles.ravel()
+        positions, colors = positions[corners], np.repeat(of_face, 3, axis=0)
+        normals = None if normals is None else normals[corners]
+        uvs = None if uvs is None else uvs[corners]
+        triangles = np.arange(len(corners)).reshape(-1, 3)
+    texture = -1
+    if header.texture and uvs is not None:
+        what = f"the TextureFile of {path.name}"
+        image = read_beside(path.parent, header.texture, what)
+        texture = textures.add(textures.decode(image, what))
+    white = texture >= 0 or colors is not None
+    material = Material(albedo=(1.0, 1.0, 1.0)) if white else Material()
+    part = Part(
+        name=path.name,
+        positions=positions,
+        triangles=triangles,
+        material_ids=np.zeros(len(triangles), dtype=np.int64),
+        normals=normals,
+        uvs=uvs,
+        colors=colors,
+    )
+    return [part], [material]
+
+
+def _decoded(header: PlyHeader, data: bytes, path: Path) -> trimesh.Trimesh:
+    """Return what trimesh makes of the data."""
+    file = io.BytesIO(header.bytes + data[header.start :])
+    try:
+        with np.errstate(invalid="ignore", over="ignore"):
+            loaded = trimesh.load(
+                file, file_type="ply", process=False, validate=False,
+                fix_texture=header.corner_uvs, skip_materials=True,
+            )  # fmt: skip
+    except MemoryError:
+        raise
+    except Exception as error:  # the header is sound, so whatever fails, fails at the data
+        reason = f"{type(error).__name__}: {error}"[:200]
+        raise SceneError(f"{path} is cut off or damaged: its data doesn't fit its header ({reason})") from error
+    if not isinstance(loaded, trimesh.Trimesh):
+        raise SceneError(f"{path} holds no triangle")
+    return loaded
+
+
+def _check_lists(element: dict[str, Any], path: Path) -> None:
+    """Raise unless trimesh, which takes all lists to be as long as the first, was right."""
+    data = element["data"]
+    if isinstance(data, np.ndarray) and data.dtype.names:
+        for name in data.dtype.names:
+            if data.dtype[name].names and (data[name]["f0"] != data[name]["f0"][0]).any():
+                raise SceneError(f"{path} mixes polygons of different sizes: cut them up")
+    name = next((key for key in _INDEX_LISTS if key in element["properties"]), None)
+    if name is None:
+        raise SceneError(f"{path} has no vertex_indices in its faces")
+    lists = data[name]
+    if isinstance(lists, np.ndarray) and lists.dtype.names:
+        lists = lists["f1"]
+    longest = lists.shape[1] if np.ndim(lists) == 2 else max(map(len, lists), default=0)
+    if longest > 4:
+        raise SceneError(f"{path} has polygons of {longest} corners: expected three or four")
+
+
+def _columns(element: dict[str, Any], names: tuple[str, ...]) -> NDArray[np.float64] | None:
+    if not all(name in element["properties"] for name in names):
+        return None
+    if any(np.asarray(element["data"][name]).dtype.kind not in "iuf" for name in names):
+        raise SceneError(f"{', '.join(names)}: some rows of the file have fewer numbers")
+    return np.column_stack([element["data"][name] for name in names]).astype(np.float64)
+
+
+def _colors(element: dict[str, Any]) -> NDArray[np.float64] | None:
+    """Return [items, 3] linear colours of an element, or None."""
+    values = _columns(element, ("red", "green", "blue"))
+    if values is None:
+        return None
+    stored = np.asarray(element["data"]["red"]).dtype
+    if stored.kind in "iu":
+        values = values / np.iinfo(stored).max
+    return srgb_to_linear(np.clip(values, 0.0, 1.0))

@@ -1,0 +1,1 @@
+"""The rasterizer: G-buffers, shadow maps and layers of scenes."""

@@ -1,0 +1,151 @@
+"""A scene in device memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.constants import START_BATCH, START_FEW
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.rasterize.files.textures import srgb_to_linear
+
+BOXED = START_BATCH
+"""Triangles, one after the other, that share a box."""
+
+
+class DeviceScene:
+    """The arrays of a scene as the rasteriser's kernels read them; see kernels/raster/.
+
+    Attributes:
+        key: the scene's, see `Scene`.
+        origin: [3] float64, the scene's.
+        has_normals: whether every vertex has one.
+        vertex_stride, triangle_stride: elements from one component to the next in planar arrays.
+        shading: [vertices, 12] position, normal, texture coordinate and colour, and `faces`:
+            [triangles, 4] vertices and material; see kernels/raster/records.clh.
+        boxes: [runs of `BOXED` triangles, 6] middle and half size of a box round them.
+        few_boxes: [runs of `START_FEW` triangles, 6] likewise.
+        spread: mean diagonal of the latter over that of the scene: small where triangles that
+            follow each other lie together.
+        lobes: [materials, 4] specular reflectance and exponent of the Phong lobe.
+        through: [materials, 4] share of light that passes what is there, and whether it blends.
+        textured, colored, emits, glossy, has_cutouts: what the scene needs of the kernels.
+    """
+
+    def __init__(self, runtime: Runtime, scene: Scene) -> None:
+        self.key = scene.key
+        self.origin = scene.origin
+        self.has_normals = bool(scene.normals.any(axis=1).all())
+        self.vertices = len(scene.positions)
+        self.triangles = len(scene.triangles)
+        self.vertex_stride = _rounded(self.vertices)
+        self.triangle_stride = _rounded(self.triangles)
+        self.positions = runtime.array(planar(scene.positions))
+        self.uvs = runtime.array(planar(scene.uvs))
+        self.corners = runtime.array(planar(scene.triangles))
+        # What is read for one triangle at a time lies together.
+        none, (u, v) = np.zeros(self.vertices, np.float32), scene.uvs.T
+        parts = [scene.positions, none, scene.normals, u, scene.colors, v]
+        self.shading = runtime.array(np.column_stack(parts))
+        self.faces = runtime.array(np.column_stack([scene.triangles, scene.material_ids]))
+        boxes, few = triangle_boxes(scene.positions, scene.triangles, (BOXED, START_FEW))
+        self.boxes, self.few_boxes = runtime.array(boxes), runtime.array(few)
+        extent = 0.5 * float(np.linalg.norm(np.ptp(scene.bounds, axis=0))) or 1.0
+        self.spread = float(np.linalg.norm(few[:, 3:].astype(np.float64), axis=1).mean()) / extent
+        materials = np.array(
+            [[*m.albedo, m.texture, m.alpha, m.alpha_cutoff, *m.emission, *m.specular] for m in scene.materials],
+            np.float32,
+        )
+        self.materials = runtime.array(materials)
+        self.lobes = runtime.array(np.array([[*m.specular, m.gloss] for m in scene.materials], np.float32))
+        self.through = runtime.array(np.array([[*m.transmitted, m.blends] for m in scene.materials], np.float32))
+        cutouts = cutouts_of(scene)
+        self.cutouts = runtime.array(cutouts)
+        table, texels = _mip_mapped(scene.textures)
+        self.textures = runtime.array(table)
+        self.texels = runtime.array(texels.view("<i4"))
+        self.decode = runtime.array(SRGB_TO_LINEAR)
+        used = scene.used_materials
+        self.textured = any(m.texture >= 0 for m in used)
+        self.colored = bool((scene.colors != 1.0).any())
+        self.emits = any(m.emits for m in used)
+        self.glossy = any(m.is_glossy for m in used)
+        self.has_cutouts = bool((cutouts >= 0).any())
+
+
+SRGB_TO_LINEAR = srgb_to_linear(np.arange(256) / 255.0).astype(np.float32)
+_LINEAR_TO_SRGB_STEPS = 4095
+# Of each linear value in 1/4095, the byte whose linear value is nearest.
+_LINEAR_TO_SRGB = np.searchsorted(
+    (SRGB_TO_LINEAR[1:] + SRGB_TO_LINEAR[:-1]) / 2, np.linspace(0.0, 1.0, _LINEAR_TO_SRGB_STEPS + 1)
+).astype(np.uint8)
+
+
+def cutouts_of(scene: Scene) -> NDArray[np.int32]:
+    """Return the material of each triangle with holes, -1 for others."""
+    cut = np.array([m.has_holes for m in scene.materials])
+    return np.where(cut[scene.material_ids], scene.material_ids, -1).astype(np.int32)
+
+
+def triangle_boxes(
+    positions: NDArray[np.float32], triangles: NDArray[np.int32], counts: Iterable[int]
+) -> list[NDArray[np.float32]]:
+    """Return middle and half size of a box round each run of so many triangles, [runs, 6] each."""
+    first, second, third = (positions[corner] for corner in triangles.T)
+    low = np.minimum(np.minimum(first, second), third)
+    high = np.maximum(np.maximum(first, second), third)
+    found = []
+    for count in counts:
+        firsts = np.arange(0, len(low), count)
+        least = np.minimum.reduceat(low, firsts).astype(np.float64)
+        most = np.maximum.reduceat(high, firsts).astype(np.float64)
+        found.append(np.column_stack([(least + most) / 2, (most - least) / 2]).astype(np.float32))
+    return found
+
+
+def _rounded(count: int) -> int:
+    return (count + 15) // 16 * 16
+
+
+def planar(rows: NDArray[Any]) -> NDArray[Any]:
+    """Return [components, rounded count] of [count, components], the rest 0."""
+    planar: NDArray[Any] = np.zeros((rows.shape[1], _rounded(len(rows))), rows.dtype)
+    planar[:, : len(rows)] = rows.T
+    return planar
+
+
+def _mip_mapped(textures: tuple[NDArray[np.uint8], ...]) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
+    """Return the table of textures and all texels; see kernels/raster/texture.clh."""
+    table, texels, offset = [], [], 0
+    for texture in textures:
+        levels = [texture]
+        while max(levels[-1].shape[:2]) > 1:
+            levels.append(_halved(levels[-1]))
+        table.append([offset, texture.shape[1], texture.shape[0], len(levels)])
+        texels += [level.reshape(-1, 4) for level in levels]
+        offset += sum(level.shape[0] * level.shape[1] for level in levels)
+    if not textures:
+        return np.zeros((1, 4), np.int32), np.zeros((1, 4), np.uint8)
+    return np.array(table, np.int32), np.concatenate(texels)
+
+
+def _halved(texels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Average 2 x 2 texels in linear light; an odd last row or column is doubled."""
+    rows, columns = texels.shape[:2]
+    padded = np.pad(texels, ((0, rows % 2), (0, columns % 2), (0, 0)), mode="edge")
+    half = np.empty(((rows + 1) // 2, (columns + 1) // 2, 4), np.uint8)
+    for channel in range(4):  # one after the other: numpy is slow on every fourth byte
+        own = np.ascontiguousarray(padded[..., channel])
+        linear = SRGB_TO_LINEAR[own] if channel < 3 else own.astype(np.float32) / 255.0
+        mean = linear[0::2, 0::2] + linear[1::2, 0::2] + linear[0::2, 1::2] + linear[1::2, 1::2]
+        mean *= 0.25
+        if channel < 3:
+            steps = np.rint(mean * _LINEAR_TO_SRGB_STEPS).astype(np.int32)
+            half[..., channel] = _LINEAR_TO_SRGB[steps]
+        else:
+            half[..., channel] = np.rint(mean * 255.0)
+    return half

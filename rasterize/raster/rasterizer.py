@@ -1,0 +1,560 @@
+"""The rasteriser in OpenCL: triangles to a visibility buffer, and from there to a G-buffer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.core.camera import LARGEST_SIZE, Camera
+from ssgi_cl.device.active_region import Region
+from ssgi_cl.device.arrays import DeviceArray, Plane, Size, plane_bytes
+from ssgi_cl.device.constants import RASTER_COUNTERS, RASTER_RECORD, RASTER_TILE
+from ssgi_cl.device.gbuffer import DeviceGBuffer, WorldNormals
+from ssgi_cl.device.kernel import CPU_WIDTH, Kernel
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.device.structs import CAMERA, Struct, camera_values, floats
+from ssgi_cl.device.transient import ALIGNMENT
+from ssgi_cl.rasterize.raster.device_scene import BOXED, DeviceScene
+
+TILE = RASTER_TILE
+RECORD = RASTER_RECORD
+WIDE = 256
+"""Columns of which a region has a multiple at least; work-groups on CPUs may be wider, and none may
+go beyond."""
+WORTH = 0.75
+"""Share of an image up to which an active region is one."""
+LEAST_VERTICES = 1 << 20
+"""Bytes that are reserved for the vertices of a scene, however few there are."""
+PEEL = 1e-5
+"""A deeper layer begins this much behind the one before, relative to its depth."""
+
+VIEW = Struct(
+    "RasterView",
+    (
+        *floats("xx", "xy", "xz", "x", "yx", "yy", "yz", "y", "zx", "zy", "zz", "z"),
+        *floats("eye_x", "eye_y", "eye_z", "rest_x", "rest_y", "rest_z"),
+        *floats("columns", "rows", "near_depth", "far_depth", "furthest_d", "peel", "matt"),
+        *(
+            (name, "int")
+            for name in (
+                "tiles_x",
+                "tiles_y",
+                "capacity",
+                "pair_capacity",
+                "vertex_stride",
+                "triangle_stride",
+                "layer",
+                "margin_x",
+                "margin_y",
+            )
+        ),
+    ),
+)
+STRUCTS = (CAMERA, VIEW)
+
+
+@dataclass(frozen=True, eq=False)
+class _Visible:
+    """What each pixel of an image shows.
+
+    Attributes:
+        triangles: their numbers.
+        depths: what the depth test compares.
+        camera, view: that it was drawn with.
+    """
+
+    triangles: DeviceArray
+    depths: DeviceArray
+    camera: Any
+    view: dict[str, Any]
+
+
+@dataclass(eq=False)
+class _Lists:
+    """What a frame needs until its pixels are drawn.
+
+    Attributes:
+        view, screen: vertices in view space and on the screen.
+        records, places: of the triangles that are seen, kernels/raster/records.clh.
+        list: the records that meet each tile.
+    """
+
+    view: DeviceArray
+    screen: DeviceArray
+    records: DeviceArray
+    places: DeviceArray
+    list: DeviceArray
+
+    def release(self) -> None:
+        """Give the memory to others."""
+        del self.view, self.screen, self.records, self.places, self.list
+
+
+class Rasterizer:
+    """Draws scenes at one size; see `render`.
+
+    Args:
+        runtime: the device.
+        size: (rows, columns) of the camera's image.
+        layers, margin, attributes: of the target, see `DeviceGBuffer`.
+        shaded: whether the target gets what is seen; without, nothing does but what the `write_`
+            methods write of the image drawn last.
+        regions: whether it draws where anything may be seen alone, and tells the target.
+        world: of the target.
+        matt: whether albedo has the reflectance of lobes in it, for what draws no lobes.
+        lobes: whether the target gets what its front layer mirrors.
+
+    Attributes:
+        target: the device G-buffer that it draws into.
+    """
+
+    def __init__(
+        self,
+        runtime: Runtime,
+        size: Size,
+        *,
+        layers: int = 1,
+        margin: Size = (0, 0),
+        shaded: bool = True,
+        attributes: int = 1,
+        regions: bool = False,
+        world: WorldNormals = "kept",
+        matt: bool = False,
+        lobes: bool = False,
+    ) -> None:
+        self.runtime = runtime
+        self.matt = matt
+        self.lobes = lobes
+        self.shaded = shaded
+        self.regions = regions
+        if max(size[0] + 2 * margin[0], size[1] + 2 * margin[1]) > LARGEST_SIZE:
+            raise ValueError(
+                f"size is {size} and margin {margin} (rows, columns): expected at most "
+                f"{LARGEST_SIZE} px with the margin on both sides"
+            )
+        self.target = DeviceGBuffer(
+            runtime, size, layers=layers, margin=margin, attributes=attributes if shaded else 0, world=world
+        )
+        rows, columns = self.target.whole
+        self._tiles = (-(-rows // TILE), -(-columns // TILE))
+        count = self._tiles[0] * self._tiles[1]
+        self._counts = runtime.empty(2 * count, np.int32)
+        self._starts = runtime.empty(count + 1, np.int32)
+        self._cursors = runtime.empty(2 * count, np.int32)
+        self._counters = runtime.array(np.zeros(RASTER_COUNTERS, np.int32))
+        self._pixels = count * TILE * TILE
+        self._visible: _Visible | None = None
+        self._capacity = 1 << 15
+        self._pair_capacity = 1 << 16
+        self._reserve(LEAST_VERTICES)
+        parallel = runtime.info.kind == "gpu"
+        # A CPU's work-item takes a whole tile, so that a triangle is set up once for it.
+        self._rectangle = (1, min(runtime.variant.lanes, 8)) if parallel else (TILE, TILE)
+        self._group = (8, 8) if parallel else (1, 1)
+        # Likewise all triangles of a box, of which few are left to make records of.
+        self._run = runtime.variant.lanes if parallel else BOXED
+        kernel = runtime.kernel
+        self._vertices = kernel("raster/raster_vertices.cl", structs=STRUCTS)
+        self._setup = kernel("raster/raster_setup.cl", {"RASTER_BOXED": BOXED, "RASTER_RUN": self._run}, STRUCTS)
+        self._scan = kernel("raster/raster_scan.cl", structs=STRUCTS)
+        self._fill = kernel("raster/raster_fill.cl", structs=STRUCTS)
+
+    def render(self, scene: DeviceScene, camera: Camera, *, behind: DeviceArray | None = None) -> DeviceGBuffer:
+        """Draw the scene as the camera sees it and return the target.
+
+        `behind` has the `depths` of an image drawn before with the same camera: only what lies
+        behind that is drawn.
+
+        Reads 8 bytes back before pixels are drawn, and with `regions` 4 for each tile: if lists
+        were too small they grow, and it begins again. The size of the lists stays for the next
+        frame, so a steady frame allocates nothing.
+        """
+        if camera.size != self.target.size:
+            raise ValueError(f"camera has size {camera.size} (rows, columns): expected {self.target.size}")
+        self.target.set_camera(camera)
+        self.target.has_facets = True
+        self.target.emits = scene.emits and self.shaded
+        self.target.mirrors = scene.glossy and self.lobes
+        self.release()
+        while True:
+            lists = self._lists(scene)
+            self._sort(scene, camera, lists)
+            records, pairs = self._counters.download().tolist()
+            if records <= self._capacity and pairs <= self._pair_capacity:
+                break
+            # The pairs of records that found no room were not counted: leave room for theirs.
+            share = max(1.0, records / self._capacity)
+            self._capacity = max(self._capacity, records + records // 4)
+            self._pair_capacity = max(self._pair_capacity, int(pairs * share) + pairs // 4)
+            del lists
+        self._visible = self._draw(scene, camera, lists, behind)
+        return self.target
+
+    def release(self) -> None:
+        """Give the memory of what the `write_` methods read to others."""
+        self._visible = None
+
+    def write_depth(self, depth: Plane, image: int = 0) -> None:
+        """Queue the pass that writes the depth of the image drawn last, a few roundings off.
+
+        Args:
+            depth: images of its size, scene units; INFINITY where nothing is.
+            image: number of the one to write.
+        """
+        visible = self._last_visible
+        self.runtime.kernel("raster/raster_depth.cl", structs=STRUCTS).run(
+            "raster depth",
+            self.target.whole,
+            depths=visible.depths,
+            depth=depth,
+            camera=visible.camera,
+            view=VIEW.pack({**visible.view, "layer": image}),
+        )
+
+    def hide_behind(self, front: DeviceGBuffer, found: DeviceArray) -> None:
+        """Queue the pass that takes what lies behind others out of the image drawn last.
+
+        Args:
+            front: of the same camera; with its margin, which the image need not have.
+            found: [1] int32, 0; becomes 1 if anything is left.
+        """
+        visible = self._last_visible
+        self.runtime.kernel("raster/raster_hidden.cl", structs=STRUCTS).run(
+            "raster hidden",
+            self.target.size,
+            depths=visible.depths,
+            front=front.depth,
+            triangles=visible.triangles,
+            found=found,
+            whole=front.whole,
+            camera=visible.camera,
+            view=VIEW.pack(visible.view),
+        )
+
+    def write_opacity(self, scene: DeviceScene, target: DeviceGBuffer) -> None:
+        """Queue the pass that fills `opacity` and `transmitted` of `target`, which has no margin,
+        from the image drawn last."""
+        visible = self._last_visible
+        self.runtime.kernel("raster/raster_opacity.cl", structs=STRUCTS).run(
+            "raster opacity",
+            target.size,
+            triangles=visible.triangles,
+            faces=scene.faces,
+            vertices=scene.shading,
+            **_surface(scene),
+            through=scene.through,
+            opacity=target.opacity,
+            transmitted=target.transmitted,
+            camera=visible.camera,
+            view=VIEW.pack(visible.view),
+        )
+
+    @property
+    def depths(self) -> DeviceArray:
+        """What the depth test compared in the image drawn last, which is not shaded."""
+        return self._last_visible.depths
+
+    def write_every(self, step: int, scene: DeviceScene, target: DeviceGBuffer) -> None:
+        """Queue the pass that fills `target` from the last layer of the image drawn last.
+
+        Args:
+            step: pixels of the image from one of the target to the next, along rows and columns:
+                of each square of them the one in its middle, or below and to the right of that.
+            scene: the one that was drawn.
+            target: has no margin. The image's last rows and columns may lack a middle; there
+                nothing is seen.
+        """
+        camera = self.target.camera
+        assert camera is not None  # noqa: S101  something was drawn
+        self._attributes(scene, True, step, emission=target.emits).run(
+            "raster attributes",
+            target.size,
+            camera=CAMERA.pack(camera_values(camera)),
+            view=VIEW.pack(self._view_values(scene, camera)),
+            **self._attribute_arguments(scene, target, self._last_visible.triangles),
+        )
+
+    def write_gloss(self, step: int, scene: DeviceScene, specular: Plane, gloss: Plane) -> None:
+        """Queue the pass that says what the last layer of the image drawn last mirrors.
+
+        Args:
+            step, scene: as of `write_every`.
+            specular: 3 images, reflectance of the Phong lobe.
+            gloss: 1 image, its exponent.
+        """
+        self._write_gloss(step, scene, self._last_visible.triangles, specular, gloss)
+
+    def _write_gloss(
+        self,
+        step: int,
+        scene: DeviceScene,
+        seen: DeviceArray,
+        specular: Plane,
+        gloss: Plane,
+        region: Region | None = None,
+    ) -> None:
+        self.runtime.kernel("raster/raster_gloss.cl", {"RASTER_STEP": step}).run(
+            "raster gloss",
+            gloss.size,
+            region=region,
+            triangles=seen,
+            faces=scene.faces,
+            lobes=scene.lobes,
+            specular=specular,
+            gloss=gloss,
+            tiles=self._tiles,
+        )
+
+    def _reserve(self, vertices: int) -> None:
+        """Reserve what a frame needs until its pixels are drawn, for so many bytes of vertices."""
+        target = self.target
+        passing = self.shaded and target.world == "until released"
+        self.runtime.transient.reserve(
+            4 * self._pixels * (1 + min(target.layers, 2))
+            + vertices
+            + 4 * (self._capacity * (RECORD + 2) + self._pair_capacity)
+            + (plane_bytes(3 * target.attributes, target.whole) if passing else 0)
+            + 7 * ALIGNMENT  # each of up to seven pieces begins at a multiple
+        )
+
+    def _lists(self, scene: DeviceScene) -> _Lists:
+        """Return the memory that a frame needs until its pixels are drawn."""
+        # In one piece with the rest, of which parts are of use to others afterwards.
+        self._reserve(4 * (3 + 4) * scene.vertex_stride)
+        array = self.runtime.transient.array
+        return _Lists(
+            view=array(3 * scene.vertex_stride, np.float32),
+            screen=array(4 * scene.vertex_stride, np.int32),
+            records=array(self._capacity * RECORD, np.int32),
+            places=array(self._capacity * 2, np.int32),
+            list=array(self._pair_capacity, np.int32),
+        )
+
+    def _sort(self, scene: DeviceScene, camera: Camera, lists: _Lists) -> None:
+        """Queue the passes that list the triangles of each tile."""
+        # Without the margin, which kernels add in whole pixels: it must not change a bit.
+        packed_camera = CAMERA.pack(camera_values(camera))
+        view = VIEW.pack(self._view_values(scene, camera))
+        tile_count = self._tiles[0] * self._tiles[1]
+        self._vertices.run(
+            "raster vertices",
+            (1, scene.vertices),
+            positions=scene.positions,
+            view=lists.view,
+            screen=lists.screen,
+            counters=self._counters,
+            tiles=self._counts,
+            camera=packed_camera,
+            to_view=view,
+        )
+        self._setup.run(
+            "raster setup",
+            (1, scene.triangles),
+            grid=(1, -(-scene.triangles // self._run)),
+            local=None if self._run < BOXED else (1, 1),
+            boxes=scene.boxes,
+            corners=scene.corners,
+            vertices=scene.shading,
+            view=lists.view,
+            screen=lists.screen,
+            records=lists.records,
+            places=lists.places,
+            tiles=self._counts,
+            counters=self._counters,
+            camera=packed_camera,
+            params=view,
+        )
+        self._scan.run(
+            "raster scan",
+            (1, tile_count),
+            grid=(1, 1),
+            tiles=self._counts,
+            starts=self._starts,
+            cursors=self._cursors,
+            counters=self._counters,
+        )
+        workers = 256 if self.runtime.info.kind == "cpu" else 16384
+        self._fill.run(
+            "raster fill",
+            (1, workers),
+            grid=(1, workers),
+            records=lists.records,
+            places=lists.places,
+            cursors=self._cursors,
+            list=lists.list,
+            counters=self._counters,
+            view=view,
+        )
+
+    def _regions(self) -> list[Region | None]:
+        """Return where each layer may have pixels: in tiles with more triangles than its number."""
+        layers = range(self.target.layers)
+        if not self.regions:
+            return [None for _ in layers]
+        counts = np.diff(self._starts.download()).reshape(self._tiles)
+        return [self._region(counts > layer) for layer in layers]
+
+    def _region(self, busy: NDArray[np.bool_]) -> Region | None:
+        """Return the active region of these tiles, None if there is hardly anything beyond it."""
+        rows, columns = (np.flatnonzero(busy.any(axis=axis)) for axis in (1, 0))
+        if rows.size == 0:
+            return Region(0, 0, 0, 0)
+        first = int(rows[0]) * TILE, int(columns[0]) * TILE
+        region = self._widened(Region.between(first, (int(rows[-1] + 1) * TILE, int(columns[-1] + 1) * TILE)))
+        whole = self.target.whole
+        return region if region.rows * region.columns <= WORTH * whole[0] * whole[1] else None
+
+    def _widened(self, region: Region) -> Region:
+        """Return a region with columns for whole work-groups, within the image."""
+        group = max(WIDE, CPU_WIDTH * self.runtime.variant.lanes)
+        wide = -(-region.columns // group) * group
+        end = region.end[0], region.column + wide
+        return Region.between(region.first, end).inside(self.target.whole)
+
+    def _draw(self, scene: DeviceScene, camera: Camera, lists: _Lists, behind: DeviceArray | None) -> _Visible | None:
+        """Queue the passes that draw pixels; return what they show unless they are shaded."""
+        target, whole = self.target, self.target.whole
+        values = self._view_values(scene, camera)
+        packed_camera = CAMERA.pack(camera_values(camera))
+        regions = self._regions()
+        target.region = regions[0]
+        late = target.layers == 1 and target.world != "kept"
+        if self.shaded and not late:
+            target.take_world()
+        array = self.runtime.transient.array
+        # A deeper layer begins behind the one before.
+        depths = [array(self._pixels, np.float32) for _ in range(min(target.layers, 2))]
+        seen = array(self._pixels, np.int32)
+        high, wide = self._rectangle
+        for layer, region in enumerate(regions):
+            tiles = self.runtime.kernel(
+                "raster/raster_tiles.cl",
+                {
+                    "RASTER_PEEL": int(layer > 0 or behind is not None),
+                    "RASTER_CUTOUT": int(scene.has_cutouts),
+                    "RASTER_WIDE": wide,
+                    "RASTER_HIGH": high,
+                },
+                STRUCTS,
+                most_lanes=8,  # few triangles are wider; 1.5 to 2 times faster than 16 on a CPU
+            )
+            shaded = layer < target.attributes
+            values["layer"] = layer
+            view = VIEW.pack(values)
+            now, before = depths[layer % 2], depths[layer % 2 - 1]
+            before = behind if layer == 0 and behind is not None else before
+            suffix = f" {layer + 1}" if target.layers > 1 else ""
+            # What was seen there before is to be cleared.
+            with target.previous_regions[layer].over(region, scene.emits) as over:
+                over = None if over is None else self._widened(over)
+                tiles.run(
+                    f"raster tiles{suffix}",
+                    whole,
+                    grid=(self._tiles[0] * TILE // high, self._tiles[1] * TILE // wide),
+                    local=self._group,
+                    region=over,
+                    cell=self._rectangle,
+                    records=lists.records,
+                    starts=self._starts,
+                    list=lists.list,
+                    previous=before,
+                    corners=scene.corners,
+                    positions_view=lists.view,
+                    uvs=scene.uvs,
+                    cutouts=scene.cutouts,
+                    depths=now,
+                    triangles=seen,
+                    camera=packed_camera,
+                    view=view,
+                    **_surface(scene),
+                )
+                if late:
+                    lists.release()
+                    if self.shaded:
+                        del now, before, depths
+                        target.take_world()
+                if not self.shaded:
+                    return _Visible(seen, now, packed_camera, values)
+                self._attributes(scene, shaded, 1, emission=scene.emits).run(
+                    f"raster attributes{suffix}",
+                    whole,
+                    region=over,
+                    camera=packed_camera,
+                    view=view,
+                    **self._attribute_arguments(scene, target, seen),
+                )
+                if target.mirrors and layer == 0:
+                    self._write_gloss(1, scene, seen, target.specular, target.gloss, over)
+        return None
+
+    def _attributes(self, scene: DeviceScene, shaded: bool, step: int, *, emission: bool) -> Kernel:
+        return self.runtime.kernel(
+            "raster/raster_attributes.cl",
+            {
+                "RASTER_STEP": step,
+                "RASTER_SHADED": int(shaded),
+                "RASTER_TEXTURED": int(shaded and scene.textured),
+                "RASTER_COLORED": int(shaded and scene.colored),
+                "RASTER_EMISSION": int(shaded and emission),
+            },
+            STRUCTS,
+        )
+
+    def _attribute_arguments(self, scene: DeviceScene, target: DeviceGBuffer, seen: DeviceArray) -> dict[str, Any]:
+        return {
+            "triangles": seen,
+            "faces": scene.faces,
+            "vertices": scene.shading,
+            "depth": target.depth,
+            "normal": target.normal_world,
+            "albedo": target.albedo,
+            "emission": target.emission,
+            **_surface(scene),
+        }
+
+    @property
+    def _last_visible(self) -> _Visible:
+        assert self._visible is not None  # noqa: S101  an image was drawn that is not shaded
+        return self._visible
+
+    def _view_values(self, scene: DeviceScene, camera: Camera) -> dict[str, Any]:
+        turn = camera.view[:3, :3]
+        # In float64: the camera's position relative to the scene's origin may be a small
+        # difference of large numbers.
+        shift = turn @ scene.origin + camera.view[:3, 3]
+        eye = camera.position - scene.origin
+        rest = eye - eye.astype(np.float32)
+        near_depth = max(camera.near, 1e-30)
+        far_depth = camera.far
+        orthographic = camera.is_orthographic
+        rows, columns = self.target.whole
+        return {
+            **dict(zip(("xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz"), turn.ravel(), strict=True)),
+            **dict(zip(("x", "y", "z"), shift, strict=True)),
+            **dict(zip(("eye_x", "eye_y", "eye_z"), eye, strict=True)),
+            **dict(zip(("rest_x", "rest_y", "rest_z"), rest, strict=True)),
+            "columns": columns,
+            "rows": rows,
+            "near_depth": near_depth,
+            "far_depth": far_depth,
+            "furthest_d": -far_depth if orthographic else 1.0 / far_depth,
+            "peel": 1.0 + PEEL if orthographic else 1.0 - PEEL,
+            "tiles_x": self._tiles[1],
+            "tiles_y": self._tiles[0],
+            "capacity": self._capacity,
+            "pair_capacity": self._pair_capacity,
+            "vertex_stride": scene.vertex_stride,
+            "triangle_stride": scene.triangle_stride,
+            "layer": 0,
+            "matt": float(self.matt),
+            "margin_x": self.target.margin[1],
+            "margin_y": self.target.margin[0],
+        }
+
+
+def _surface(scene: DeviceScene) -> dict[str, Any]:
+    """Return the arguments of kernels that say what surfaces are made of."""
+    return {"materials": scene.materials, "textures": scene.textures, "texels": scene.texels, "decode": scene.decode}

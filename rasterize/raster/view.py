@@ -1,0 +1,158 @@
+"""The G-buffer of a scene."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ssgi_cl.core import checks
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import Floats, GBuffer
+from ssgi_cl.core.keywords import checked_keywords
+from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.arrays import Plane, Size
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.runtime import Runtime, serialised
+from ssgi_cl.rasterize.raster.device_scene import DeviceScene
+from ssgi_cl.rasterize.raster.rasterizer import Rasterizer
+
+MOST_LAYERS = 16
+ATTRIBUTES = ("first", "all")
+"""Layers that have normal, albedo and emission."""
+
+
+def margin_of(camera: Camera, overscan: float) -> Size:
+    """Return (rows, columns) of the margin that is `overscan` of the image on every side."""
+    share = checks.number("overscan", overscan, low=0.0, high=1.0, unit="share of the image's size")
+    return math.ceil(share * camera.height), math.ceil(share * camera.width)
+
+
+def _check_scene(scene: object) -> None:
+    if not isinstance(scene, Scene):
+        raise TypeError(f"scene is {type(scene).__name__}: expected a Scene (see ssgi_cl.rasterize.load_scene)")
+
+
+def device_scene(scene: Scene, runtime: Runtime) -> DeviceScene:
+    """Return the scene in device memory; the same object for the same scene, while it is kept.
+
+    It goes with the scene.
+    """
+    _check_scene(scene)
+    kept: DeviceScene = runtime.prepared((DeviceScene, scene.key), lambda: DeviceScene(runtime, scene), of=scene)
+    return kept
+
+
+@checked_keywords
+def gbuffer(
+    scene: Scene,
+    camera: Camera,
+    *,
+    layers: int = 1,
+    overscan: float = 0.0,
+    attributes: str = "first",
+    backend: str = "opencl",
+    runtime: Runtime | None = None,
+) -> GBuffer:
+    """Draw a scene into a G-buffer.
+
+    Args:
+        scene: what `load_scene` returns, or one of your own making.
+        camera: whose size is that of results computed from the G-buffer.
+        layers: depth layers, 1 to 16; a deeper layer is the nearest surface that lies more than
+            1e-5 of the depth behind the layer before.
+        overscan: share of the image's height and width by which the arrays exceed it on every
+            side, in [0, 1].
+        attributes: "first" for normal, albedo and emission of the front layer, "all" for those of
+            every layer.
+        backend: "opencl", or "pyrender" for OpenGL (needs the extra `opengl`).
+        runtime: the device of the OpenCL backend; by default the fastest found.
+
+    Returns:
+        depth ([layers, rows, columns] with more than one layer), normal, albedo and, if the scene
+        emits light, emission ([layers, rows, columns, 3] with "all" and more than one layer); of
+        a scene with glossy materials specular and gloss of the front layer.
+        Normals are the mesh's own, not turned to the viewer.
+
+    Raises:
+        TypeError, ValueError: an argument of the wrong type or out of range.
+        MissingExtraError: the pyrender backend can't run; the message says what is missing.
+    """
+    _check_scene(scene)
+    layers = checks.integer("layers", layers, low=1, high=MOST_LAYERS)
+    checks.choice("backend", backend, ("opencl", "pyrender"))
+    shaded = layers if checks.choice("attributes", attributes, ATTRIBUTES) == "all" else 1
+    if not isinstance(camera, Camera):
+        raise TypeError(f"camera is {camera!r}: expected an ssgi_cl.Camera")
+    margin = margin_of(camera, overscan)
+    if backend == "pyrender":
+        from ssgi_cl.rasterize.raster import opengl
+
+        arrays = opengl.gbuffer_arrays(scene, camera.with_margin(margin), layers)
+        normal, albedo, emission = (arrays[name][:shaded] for name in ("normal", "albedo", "emission"))
+        return _host(
+            camera,
+            arrays["depth"],
+            normal,
+            albedo,
+            emission if emission.any() else None,
+            (arrays["specular"], arrays["gloss"]) if "gloss" in arrays else None,
+        )
+    return _drawn(scene, camera, layers, margin, shaded, runtime=runtime)
+
+
+@serialised
+def _drawn(scene: Scene, camera: Camera, layers: int, margin: Size, shaded: int, *, runtime: Runtime | None) -> GBuffer:
+    runtime = runtime or Runtime.open()
+    kept = device_scene(scene, runtime)
+    rasterizer: Rasterizer = runtime.prepared(
+        (Rasterizer, camera.size, layers, margin, True, shaded),
+        lambda: Rasterizer(runtime, camera.size, layers=layers, margin=margin, attributes=shaded, lobes=True),
+    )
+    with runtime.frame():
+        return downloaded(rasterizer.render(kept, camera))
+
+
+def downloaded(target: DeviceGBuffer) -> GBuffer:
+    """Return a copy of a device G-buffer in host memory, normals in world space."""
+    if target.camera is None:
+        raise ValueError("the device G-buffer is empty: draw or upload something first")
+    return _host(
+        target.camera,
+        target.depth.download(),
+        _layers_of(target.normal_world),
+        _layers_of(target.albedo),
+        _layers_of(target.emission) if target.emits else None,
+        (_layers_of(target.specular)[0], target.gloss.download()[0]) if target.mirrors else None,
+    )
+
+
+def _layers_of(plane: Plane) -> Floats:
+    """Return [layers, rows, columns, 3] of a plane that has three images for each layer."""
+    return np.moveaxis(plane.download().reshape(-1, 3, *plane.size), 1, -1)
+
+
+def _host(
+    camera: Camera,
+    depth: Floats,
+    normal: Floats,
+    albedo: Floats,
+    emission: Floats | None,
+    lobes: tuple[Floats, Floats] | None,
+) -> GBuffer:
+    """Return a G-buffer of arrays whose first axis is that of layers, and of specular and gloss,
+    which have none."""
+    return GBuffer(
+        camera=camera,
+        depth=_flat(depth),
+        normal=_flat(normal),
+        albedo=_flat(albedo),
+        emission=None if emission is None else _flat(emission),
+        specular=None if lobes is None else lobes[0],
+        gloss=None if lobes is None else lobes[1],
+    )
+
+
+def _flat(array: Floats) -> Floats:
+    """Return the array without the axis of layers if there is one layer alone."""
+    return array[0] if len(array) == 1 else array

@@ -1,0 +1,51 @@
+"""What follows the occlusion of each pixel, in float64: blur, and full size."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from ssgi_cl.reference.filters.bilateral import Blur, bilateral_reference
+from ssgi_cl.reference.filters.upsample import upsample_blur_reference, upsample_reference
+from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
+
+RESOLUTIONS = {"full": 1, "half": 2, "quarter": 4}
+"""Name -> pixels of the image from one that is computed to the next."""
+DEPTH_SIGMA = 0.002
+"""Of the blur, per pixel of its image; the angle's is that of `Blur`."""
+JOINED_SIGMA = 0.4
+"""Standard deviation in pixels of the blur of joined taps, over its radius + 1."""
+
+
+def blur_of(params: Any) -> Blur:
+    """Return the blur that parameters of ambient occlusion ask for."""
+    step = RESOLUTIONS[params.resolution] if params.blur_resolution == "own" else 1
+    joined = getattr(params, "joined", False)
+    return Blur(
+        radius=params.blur_radius,
+        passes=params.blur_passes,
+        depth_sigma=DEPTH_SIGMA * step,
+        sigma=JOINED_SIGMA * (params.blur_radius + 1) if joined else 0.0,
+    )
+
+
+def finished(visibility: Doubles, view: SurfaceView, full: SurfaceView, params: Any) -> Doubles:
+    """Return A (or what goes with it) at full size from what a technique of occlusion found.
+
+    Args:
+        visibility: [rows, columns] of `view`, or [rows, columns, channels].
+        view: the G-buffer at the size of `params.resolution`.
+        full: the same at full size.
+        params: those of `OcclusionParams`.
+    """
+    step = RESOLUTIONS[params.resolution]
+    blur = blur_of(params)
+    late = step > 1 and params.blur_resolution == "full" and blur.radius > 0 and blur.passes > 0
+    if late and visibility.ndim > 2:
+        a = upsample_reference(visibility, full, step=step, background=1.0)
+        return bilateral_reference(a, full, blur)
+    if late:
+        a = upsample_blur_reference(visibility, full, blur, step=step, background=1.0)
+        return bilateral_reference(a, full, replace(blur, passes=blur.passes - 1))
+    a = bilateral_reference(visibility, view, blur)
+    return upsample_reference(a, full, step=step, background=1.0) if step > 1 else a

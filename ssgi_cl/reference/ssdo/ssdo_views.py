@@ -1,0 +1,284 @@
+"""Auxiliary cameras of SSDO in float64, as defined in `ssgi_cl.techniques.ssdo.ssdo_views`."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
+from ssgi_cl.reference.patterns import slice_pattern
+
+if TYPE_CHECKING:
+    from ssgi_cl.techniques.ao.slices import SliceParams
+    from ssgi_cl.techniques.ssdo.ssdo_views import ViewsParams
+
+DEPTH_BIAS = 4e-6
+"""Bias relative to depth: roundings of float32 positions in two view spaces, 2^-24 each."""
+GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+BEFORE = 2.0
+"""Pixels from the receiver to where distances of taps grow from."""
+FINEST = 2.0**-10
+"""Radii: a pixel that is less wide counts as one that wide."""
+LEAST_N_DOT_V = 0.05
+"""Cosine between normal and view ray that a grazing or averted normal is taken to have."""
+
+
+@dataclass(frozen=True, eq=False)
+class Added:
+    """What a auxiliary camera adds.
+
+    Attributes:
+        hidden: [rows, columns] what A loses.
+        bounce: [rows, columns, 3] irradiance, W/m^2.
+        masks: [2 slices, rows, columns] uint32, a bit for each covered sector, old and new, and
+            for each of them whose sender is unknown still.
+    """
+
+    hidden: Doubles
+    bounce: Doubles
+    masks: NDArray[np.uint32]
+
+
+@dataclass(frozen=True, eq=False)
+class _Other:
+    """The auxiliary camera's image, and the receivers in its view space."""
+
+    view: SurfaceView
+    depth: Doubles  # [layers, rows, columns]
+    normal: Doubles  # [layers that have normals, rows, columns, 3]
+    radiance: Doubles
+    position: Doubles
+    receiver_normal: Doubles
+    floor: Doubles
+    radius: Doubles
+    pixel: Doubles  # width of one at the receivers
+
+
+def ssdo_views_reference(
+    gbuffer: GBuffer,
+    masks: NDArray[np.uint32],
+    other: GBuffer,
+    radiance: NDArray[np.float64],
+    slices: SliceParams,
+    params: ViewsParams,
+    *,
+    step: int = 1,
+    unseen: Doubles | None = None,
+) -> Added:
+    """Return what a auxiliary camera adds to the bitmask of every `step`-th pixel.
+
+    Args:
+        gbuffer: what the first camera sees.
+        masks: [2 slices, rows, columns], a bit for each sector that is covered so far, and for
+            each of them whose sender is unknown.
+        other: what the auxiliary camera sees.
+        radiance: [layers that send, rows, columns, 3] of it, with margin.
+        slices: the parameters of the bitmask.
+        params: see `ViewsParams`.
+        step: 1, 2 or 4.
+        unseen: [layers, rows, columns] depth of `other`, +inf where earlier views show its
+            surfaces (see `unseen_reference`); None if there are no earlier views.
+    """
+    view = SurfaceView.of(gbuffer)
+    view = view.reduced(step) if step > 1 else view
+    row, column = (view.inner(centre) for centre in view.centres())
+    depth = view.inner(view.depth)
+    there = np.isfinite(depth)
+    depth = np.where(there, depth, 1.0)
+    position, normal = view.position(row, column, depth), view.inner(view.normal)
+    wanted_px = slices.radius * view.pixels_per_unit(depth)
+    shrink = np.minimum(slices.max_radius_px / step / wanted_px, 1.0)
+    active = there & (wanted_px * shrink >= 1.0)
+    radius = slices.radius * shrink
+    further = _other(gbuffer, other, unseen, radiance, position, normal, depth, radius, slices, params)
+    turn = other.camera.view[:3, :3] @ gbuffer.camera.view[:3, :3].T
+    tile_row, tile_column = np.indices(depth.shape)
+    made = slice_pattern(slices)
+    eye = _to_eye(view, row, column)
+    hidden, total = np.zeros(depth.shape), np.full(depth.shape, 1e-30)
+    bounce, result = np.zeros((*depth.shape, 3)), masks.copy()
+    for s in range(slices.slices):
+        angle = made.angle[tile_row % 4, tile_column % 4, s]
+        dither = made.dither[tile_row % 4, tile_column % 4, s]
+        slice_ = _Slice(view, eye, angle, normal)
+        total += slice_.share
+        start, first = np.zeros(depth.shape, int), np.zeros(depth.shape)
+        for j in range(params.strata):
+            low, high = (2.0 * n / params.strata - 1.0 for n in (j, j + 1))
+            end = slice_.sector(high) if j + 1 < params.strata else np.full(depth.shape, 32.0)
+            stop = np.clip(end + dither, 0.0, 32.0).astype(int)
+            stop = stop if j + 1 < params.strata else np.full(depth.shape, 32)
+            number = np.arange(32)
+            free = (number >= start[..., None]) & (number < stop[..., None])
+            known = masks[s] & ~masks[slices.slices + s]
+            free &= (known[..., None] >> number.astype(np.uint32)) & 1 == 0
+            free &= active[..., None]
+            shift = np.mod(7.0 * dither + np.float32(s * params.strata + j) * GOLDEN, 1.0)
+            place = np.minimum(start + (shift * (stop - start)).astype(int), 31)
+            later = free & (number >= place[..., None])
+            later = np.where(later.any(axis=-1, keepdims=True), later, free)
+            chosen = np.argmax(later, axis=-1)
+            part = (chosen + 0.5 - dither - first) / np.maximum(end - first, 1e-3)
+            sine = low + np.clip(part, 0.0, 1.0) * (high - low)
+            way = slice_.direction(eye, sine) @ turn.T
+            open_ = np.any(free, axis=-1)
+            hit, light = _march(further, way, open_, shift, slices, params)
+            count = free.sum(axis=-1)
+            fresh = free & ((masks[s][..., None] >> number.astype(np.uint32)) & 1 == 0)
+            hidden += np.where(hit, slice_.share * fresh.sum(axis=-1) / 32.0, 0.0)
+            bounce += (slice_.share * count / 32.0)[..., None] * light
+            bits = np.sum(free.astype(np.uint64) << number.astype(np.uint64), axis=-1)
+            found = np.where(hit, bits, 0).astype(np.uint32)
+            result[s] |= found
+            result[slices.slices + s] &= ~found
+            start, first = stop, end
+    return Added(hidden / total, math.pi * bounce / total[..., None], result)
+
+
+class _Slice:
+    """A slice of each receiver, and the measure of its directions."""
+
+    def __init__(self, view: SurfaceView, eye: Doubles, angle: Doubles, normal: Doubles) -> None:
+        to_x, to_y, _, _ = view.camera.pixel_to_view
+        # One pixel along the slice.
+        pixel = np.stack(
+            [np.cos(angle) * to_x * view.step, np.sin(angle) * to_y * view.step, np.zeros(angle.shape)], axis=-1
+        )
+        across = pixel - np.sum(pixel * eye, axis=-1, keepdims=True) * eye
+        self.across = across / np.linalg.norm(across, axis=-1, keepdims=True)
+        n_dot_v = np.maximum(np.sum(normal * eye, axis=-1), LEAST_N_DOT_V)
+        side = np.sum(normal * self.across, axis=-1)
+        projected = np.hypot(n_dot_v, side)
+        self.cosine, self.sine = n_dot_v / projected, side / projected
+        self.first = self._measure(self.sine, -self.cosine)
+        whole = self._measure(-self.sine, self.cosine) - self.first
+        self.scale = 32.0 / whole
+        # Squared sine of the angle between pixel and view ray, per squared depth.
+        width = np.sum(across**2, axis=-1) / eye[..., 2] ** 2
+        self.share = (to_x * view.step) ** 2 / width * projected * whole
+
+    def _measure(self, cosine: Doubles, sine: Doubles) -> Doubles:
+        """Return the measure from the view ray to a direction."""
+        flat = np.abs(sine)
+        turned = np.arccos(np.clip(cosine, -1.0, 1.0)) - flat * cosine
+        result: Doubles = 0.5 * (self.cosine * flat * sine + self.sine * turned)
+        return result
+
+    def _turned(self, sine: Doubles | float) -> tuple[Doubles, Doubles]:
+        """Return cosine and sine from the view ray of one with a sine from the normal."""
+        cosine = np.sqrt(np.maximum(1.0 - np.asarray(sine) ** 2, 0.0))
+        return self.cosine * cosine - self.sine * sine, self.cosine * sine + self.sine * cosine
+
+    def sector(self, sine: float) -> Doubles:
+        """Return the sector, not rounded, of a direction with a sine from the normal."""
+        result: Doubles = (self._measure(*self._turned(sine)) - self.first) * self.scale
+        return result
+
+    def direction(self, eye: Doubles, sine: Doubles) -> Doubles:
+        """Return such a direction [..., 3], view space."""
+        cosine, sine = self._turned(sine)
+        result: Doubles = cosine[..., None] * eye + sine[..., None] * self.across
+        return result
+
+
+def _to_eye(view: SurfaceView, row: Doubles, column: Doubles) -> Doubles:
+    """Return the direction to the eye [rows, columns, 3], unit length."""
+    if view.camera.is_orthographic:
+        return np.broadcast_to([0.0, 0.0, 1.0], (*row.shape, 3))
+    view_ray = view.position(row, column, np.ones(row.shape))
+    eye: Doubles = -view_ray / np.linalg.norm(view_ray, axis=-1, keepdims=True)
+    return eye
+
+
+def _other(
+    gbuffer: GBuffer,
+    other: GBuffer,
+    unseen: Doubles | None,
+    radiance: NDArray[np.float64],
+    position: Doubles,
+    normal: Doubles,
+    depth: Doubles,
+    radius: Doubles,
+    slices: SliceParams,
+    params: ViewsParams,
+) -> _Other:
+    turn = other.camera.view[:3, :3] @ gbuffer.camera.view[:3, :3].T
+    shift = other.camera.view[:3, 3] - turn @ gbuffer.camera.view[:3, 3]
+    layers = np.asarray(other.depth, np.float64)
+    layers = layers if layers.ndim == 3 else layers[None]
+    given = np.asarray(other.normal)
+    given = given if given.ndim == 4 else given[None]
+    views = [
+        SurfaceView.of(GBuffer(camera=other.camera, depth=layer.astype(np.float32), normal=facing))
+        for layer, facing in zip(layers, given, strict=False)
+    ]
+    place = position @ turn.T + shift
+    to_x, to_y, _, _ = other.camera.pixel_to_view
+    ahead = 1.0 if other.camera.is_orthographic else np.maximum(-place[..., 2], 1e-3 * slices.radius)
+    pixel = np.maximum(FINEST * radius, max(abs(to_x), abs(to_y)) * ahead)
+    return _Other(
+        view=views[0],
+        depth=layers if unseen is None else unseen,
+        normal=np.stack([view.normal for view in views]),
+        radiance=np.asarray(radiance, np.float64),
+        position=place,
+        receiver_normal=normal @ turn.T,
+        floor=params.bias * pixel + DEPTH_BIAS * depth,
+        radius=radius,
+        pixel=pixel,
+    )
+
+
+def _pixel(other: _Other, point: Doubles, reach: float) -> tuple[NDArray[np.bool_], NDArray[np.int_], NDArray[np.int_]]:
+    """Return whether points are seen, and the row and column of their pixels."""
+    ahead = -point[..., 2] > 1e-3 * reach
+    row, column = other.view.pixel(np.where(ahead[..., None], point, [0.0, 0.0, -1.0]))
+    rows, columns = other.view.depth.shape
+    inside = ahead & (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+    return (inside, np.clip(row, 0, rows - 1).astype(int), np.clip(column, 0, columns - 1).astype(int))
+
+
+def _march(
+    other: _Other, way: Doubles, open_: NDArray[np.bool_], shift: Doubles, slices: SliceParams, params: ViewsParams
+) -> tuple[NDArray[np.bool_], Doubles]:
+    """Return where a surface is met on the way, and the radiance that comes from it."""
+    met, light = np.zeros(open_.shape, bool), np.zeros((*open_.shape, 3))
+    apart = BEFORE * other.pixel
+    growth = (1.0 + other.radius / apart) ** (1.0 / params.taps)
+    near = np.zeros(open_.shape)
+    for tap in range(params.taps):
+        grown = apart * growth ** (tap + shift)
+        far = grown * np.sqrt(growth) - apart if tap + 1 < params.taps else other.radius
+        point = other.position + (grown - apart)[..., None] * way
+        inside, row, column = _pixel(other, point, slices.radius)
+        centre = row.astype(np.float64) + 0.5, column.astype(np.float64) + 0.5
+        nearest, sent = np.full(open_.shape, np.inf), np.zeros((*open_.shape, 3))
+        for layer, depth in enumerate(other.depth):
+            front = depth[row, column]
+            there = open_ & ~met & inside & np.isfinite(front)
+            surface = other.view.position(*centre, np.where(there, front, 1.0))
+            height = np.sum((surface - other.position) * other.receiver_normal, axis=-1)
+            facing = np.array([0.0, 0.0, 1.0])
+            if layer < len(other.normal):
+                facing = other.normal[layer, row, column]
+            # Where the ray meets the tap's tangent plane.
+            away = np.sum((surface - other.position) * facing, axis=-1)
+            speed = np.sum(way * facing, axis=-1)
+            crosses = there & (height > other.floor) & (speed != 0.0)
+            distance = away / np.where(crosses, speed, 1.0)
+            hit = crosses & (distance >= near) & (distance < far) & (distance < nearest)
+            nearest = np.where(hit, distance, nearest)
+            lit = np.zeros_like(sent)
+            if layer < len(other.radiance):
+                lit = np.where((away < 0.0)[..., None], other.radiance[layer, row, column], 0.0)
+            sent = np.where(hit[..., None], lit, sent)
+        hit = np.isfinite(nearest)
+        light += np.where(hit[..., None], sent, 0.0)
+        met |= hit
+        near = far
+    return met, light

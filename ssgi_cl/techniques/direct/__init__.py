@@ -1,0 +1,1 @@
+"""Direct light: punctual lights, shadow maps, ambient light."""

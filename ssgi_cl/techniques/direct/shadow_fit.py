@@ -1,0 +1,274 @@
+"""Parts of a light's view that its shadow map shows: as fine as the pixels need that they serve.
+
+As adaptive shadow maps (Fernando, Fernandez, Bala and Greenberg 2001), but with a fixed number of
+parts: the one whose texels are too wide for the most pixels is cut in two until all are there. A
+part is 2^-i times 2^-j of a face, and its corner lies on a grid of quarters of its size, so that
+parts of one size have their texels at the same places whatever the camera sees, and shadows do not
+crawl. The parts depend on what is seen in this frame alone: maps that were kept are those that
+would be drawn.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.techniques.direct.seen_depths import Seen
+
+PARTS = 8
+"""Of a light, at most, or one for every face where that is more."""
+ALL_PARTS = 32
+"""Of all lights, at most, or one for every face."""
+GRID = 4
+"""Places in its own size at which a part may begin."""
+MOST_ZOOM = 1 << 7
+"""Of a part, along either axis; float32 tells a hundredth of its texels apart."""
+ROOM = 3
+"""Texels between a part's border and what it shows: the filter's reach."""
+FINE = 0.35
+"""Of a pixel's width: texels of this width are fine enough."""
+_SLACK = 1e-4
+"""Of a face's half width by which it is taken to be wider, for roundings."""
+
+CROP_VALUES = 12
+"""Numbers that kernels/direct/crops.clh reads of a crop."""
+
+Doubles = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Crop:
+    """A part of a face of a light's view.
+
+    Attributes:
+        face: number of the light's camera.
+        zoom_x, zoom_y: how much smaller it is than the face, powers of 2.
+        left, top: its first texel, of those that the face has at this zoom.
+    """
+
+    face: int
+    zoom_x: int = 1
+    zoom_y: int = 1
+    left: int = 0
+    top: int = 0
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether it is the whole face."""
+        return self.zoom_x == self.zoom_y == 1
+
+    def camera(self, face: Camera) -> Camera:
+        """Return the camera that draws it, with as many texels as that of its face."""
+        if self.is_whole:
+            return face
+        projection = face.projection.copy()
+        for axis, (zoom, first, size) in enumerate(
+            ((self.zoom_x, self.left, face.width), (self.zoom_y, self.top, face.height))
+        ):
+            shift = (zoom - 1.0 - 2.0 * first / size) * (1 - 2 * axis)
+            projection[axis] = zoom * projection[axis] + shift * projection[3]
+        return Camera(view=face.view, projection=projection, width=face.width, height=face.height)
+
+    def values(self, image: int, size: int) -> list[float]:
+        """Return what kernels/direct/crops.clh reads.
+
+        Args:
+            image: of the map.
+            size: texels along a side of it.
+        """
+        room = ROOM - 0.5
+        # Beyond the face's border its last texel counts.
+        sides = [-math.inf if first == 0 else room for first in (self.left, self.top)]
+        sides += [
+            math.inf if first + size >= zoom * size else size - room
+            for first, zoom in ((self.left, self.zoom_x), (self.top, self.zoom_y))
+        ]
+        return [
+            self.face,
+            image,
+            self.zoom_x,
+            self.zoom_y,
+            self.left,
+            self.top,
+            *sides,
+            1.0 / self.zoom_x,
+            1.0 / self.zoom_y,
+        ]
+
+
+def whole(faces: int) -> tuple[Crop, ...]:
+    """Return all of a light's faces as they are."""
+    return tuple(Crop(face) for face in range(faces))
+
+
+def parts(faces: int, lights: int) -> int:
+    """Return how many parts a light with so many faces may have, one of so many lights."""
+    return max(faces, min(PARTS, ALL_PARTS // max(lights, 1)))
+
+
+def fitted(cameras: tuple[Camera, ...], seen: Seen, most: int) -> tuple[Crop, ...]:
+    """Return the parts that show all that is seen, the finer the later.
+
+    Args:
+        cameras: of the light's faces.
+        seen: by the camera.
+        most: parts, at least one for every face.
+    """
+    cells: list[_Cell] = []
+    corners, width = seen.corners(), seen.widths()
+    for face, camera in enumerate(cameras):
+        boxes = _Boxes.of(camera, corners, width, seen.pixels)
+        if boxes is not None:
+            cells.append(_Cell(face, camera.height, boxes))
+    while cells and len(cells) < most:
+        worst = max(cells, key=lambda cell: cell.cost)
+        if worst.cost <= 0.0:
+            break
+        cells.remove(worst)
+        cells += worst.halves()
+    found = {cell.crop for cell in cells} or {Crop(0)}
+    return tuple(sorted(found, key=lambda c: (c.zoom_x * c.zoom_y, c.face, c.zoom_x, c.top, c.left)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Boxes:
+    """What is seen, in a face.
+
+    Attributes:
+        low, high: [n, 2] columns and rows of a box round each tile, fractions of the face.
+        width: [n, 2] of a pixel, likewise.
+        pixels: [n] of the tile.
+    """
+
+    low: Doubles
+    high: Doubles
+    width: Doubles
+    pixels: Doubles
+
+    @classmethod
+    def of(cls, camera: Camera, corners: Doubles, width: Doubles, pixels: Doubles) -> _Boxes | None:
+        """Return the boxes of what a face shows, or None if that is nothing.
+
+        Args:
+            camera: of the face.
+            corners: [n, 8, 3] of each tile's hull, world space.
+            width: [n] of a pixel, scene units.
+            pixels: [n] of each tile.
+        """
+        sx, sy, ox, oy = camera.pixel_to_view
+        if not camera.is_orthographic:
+            about = _near(camera, corners)
+            corners, width, pixels = corners[about], width[about], pixels[about]
+            if not len(corners):
+                return None
+        view = corners @ camera.view[:3, :3].T + camera.view[:3, 3]
+        if camera.is_orthographic:
+            place, scale = view[..., :2], np.ones(len(view))
+        else:
+            near = 1e-6 * float(np.abs(view).max(initial=0.0)) + 1e-300
+            kept = view[..., 2].min(axis=1, initial=0.0) < -near
+            view, width, pixels = _beyond(view[kept], near), width[kept], pixels[kept]
+            place = view[..., :2] / -view[..., 2:]
+            scale = -view[..., 2].mean(axis=1)
+        side = np.array([sx * camera.width, sy * camera.height])
+        place = (place - (ox, oy)) / side
+        low, high = place.min(axis=1), place.max(axis=1)
+        met = ((high >= -_SLACK) & (low <= 1.0 + _SLACK)).all(axis=1)
+        if not met.any():
+            return None
+        relative = width[met, None] / (scale[met, None] * np.abs(side))
+        return cls(np.clip(low[met], 0.0, 1.0), np.clip(high[met], 0.0, 1.0), relative, pixels[met])
+
+    def within(self, axis: int, low: float, high: float) -> _Boxes | None:
+        """Return what of the boxes lies between two bounds along an axis; None if nothing does."""
+        kept = (self.high[:, axis] >= low) & (self.low[:, axis] <= high)
+        if not kept.any():
+            return None
+        lows, highs = self.low[kept], self.high[kept]
+        length = np.maximum(highs[:, axis] - lows[:, axis], 1e-300)
+        lows[:, axis] = np.maximum(lows[:, axis], low)
+        highs[:, axis] = np.minimum(highs[:, axis], high)
+        # Pixels are taken to be spread evenly.
+        part = np.minimum((highs[:, axis] - lows[:, axis]) / length, 1.0)
+        return _Boxes(lows, highs, self.width[kept], self.pixels[kept] * np.maximum(part, 1e-3))
+
+
+class _Cell:
+    """A rectangle of a face and the part that shows it.
+
+    Attributes:
+        crop: the part.
+        cost: by how much its texels are too wide, summed over pixels; 0 where none is.
+    """
+
+    def __init__(self, face: int, size: int, boxes: _Boxes) -> None:
+        self._face, self._size, self._boxes = face, size, boxes
+        self._low, self._high = boxes.low.min(axis=0), boxes.high.max(axis=0)
+        zooms, firsts = [], []
+        for low, high in zip(self._low.tolist(), self._high.tolist(), strict=True):
+            zoom, first = _part(low, high, size)
+            zooms.append(zoom)
+            firsts.append(first)
+        self.crop = Crop(face, zooms[0], zooms[1], firsts[0], firsts[1])
+        self._ratio = 1.0 / (size * np.array(zooms)) / boxes.width
+        self._can = np.array(zooms) < MOST_ZOOM
+        excess = np.where(self._can, np.maximum(self._ratio - FINE, 0.0), 0.0)
+        self.cost = float((excess.max(axis=1) * boxes.pixels).sum())
+
+    def halves(self) -> list[_Cell]:
+        """Return the cells of either half, of that axis along which texels are too wide."""
+        excess = (np.maximum(self._ratio - FINE, 0.0) * self._boxes.pixels[:, None]).sum(axis=0)
+        axis = int(np.argmax(np.where(self._can, excess, -1.0)))
+        low, high = float(self._low[axis]), float(self._high[axis])
+        middle = 0.5 * (low + high)
+        parts = (self._boxes.within(axis, low, middle), self._boxes.within(axis, middle, high))
+        return [_Cell(self._face, self._size, part) for part in parts if part is not None]
+
+
+def _near(camera: Camera, corners: Doubles) -> NDArray[np.bool_]:
+    """Return [n] False for hulls that lie outside a perspective face of equal sides."""
+    middle = corners.mean(axis=1)
+    radius = np.sqrt(((corners - middle[:, None]) ** 2).sum(axis=2).max(axis=1))
+    view = middle @ camera.view[:3, :3].T + camera.view[:3, 3]
+    half = abs(camera.pixel_to_view[2]) * (1.0 + _SLACK)
+    beside = np.abs(view[:, :2]).max(axis=1) + half * view[:, 2]
+    return np.asarray(beside <= radius * math.sqrt(1.0 + half * half))
+
+
+def _part(low: float, high: float, size: int) -> tuple[int, int]:
+    """Return zoom and first texel of the smallest part that holds an interval of the face."""
+    step = max(size // GRID, 1)
+    zoom = MOST_ZOOM
+    while zoom > 1:
+        first = math.floor((low * size * zoom - ROOM) / step) * step
+        # Not beyond the face.
+        last = -(-(zoom - 1) * size // step) * step
+        first = min(max(first, 0), last)
+        if first + size >= min(high * size * zoom + ROOM, zoom * size):
+            return zoom, first
+        zoom //= 2
+    return 1, 0
+
+
+def _beyond(view: Doubles, near: float) -> Doubles:
+    """Return corners [n, 36, 3] of what of hulls [n, 8, 3] lies beyond a depth."""
+    depth = -view[..., 2]
+    ahead = depth > near
+    if ahead.all():
+        return view
+    farthest = np.take_along_axis(view, depth.argmax(axis=1)[:, None, None], axis=1)
+    inner = np.where(ahead[..., None], view, farthest)
+    a, b = view[:, _PAIRS[0]], view[:, _PAIRS[1]]
+    da, db = depth[:, _PAIRS[0]], depth[:, _PAIRS[1]]
+    cut = (da > near) != (db > near)
+    t = np.where(cut, (near - da) / np.where(cut, db - da, 1.0), 0.0)
+    between = a + t[..., None] * (b - a)
+    between[..., 2] = -near
+    return np.concatenate([inner, np.where(cut[..., None], between, farthest)], axis=1)
+
+
+_PAIRS = np.array([(a, b) for a in range(8) for b in range(a + 1, 8)]).T

@@ -1,0 +1,178 @@
+"""Tone mapping: linear radiance to an sRGB picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ssgi_cl.core import checks
+from ssgi_cl.core.params import Params, Prepared, param
+from ssgi_cl.device.active_region import Region, copy_region
+from ssgi_cl.device.arrays import Plane, Size
+from ssgi_cl.device.runtime import Runtime, serialised
+from ssgi_cl.techniques.technique import Bench, Technique
+
+CURVES = ("clip", "filmic")
+MIDDLE_GREY = 0.18
+LARGEST_EXPOSURE = 1e30
+"""Greater ones count as this one, which is finite in float32."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TonemapParams(Params):
+    """Parameters of tone mapping (Narkowicz 2015; Reinhard et al. 2002)."""
+
+    curve: str = param(
+        "filmic", "fit of the ACES reference transform, or 'clip': what exceeds 1 is cut", choices=CURVES
+    )
+    exposure: float | None = param(
+        None,
+        "factor before the curve, above 0; by default the log-average luminance becomes 0.18",
+        shape=lambda _: None,
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.exposure is not None:
+            exposure = checks.number("exposure", self.exposure, low=0.0, above=True)
+            object.__setattr__(self, "exposure", exposure)
+
+
+class Tonemap(Prepared[TonemapParams]):
+    """Tone mapping, prepared for images of one size.
+
+    Narkowicz 2015; Reinhard et al. 2002. Departs: see `tonemap`.
+
+    Args:
+        runtime: the device.
+        size: (rows, columns) of the images.
+        params: see `TonemapParams`.
+    """
+
+    def __init__(self, runtime: Runtime, size: Size, params: TonemapParams | None = None) -> None:
+        self.runtime = runtime
+        self.size = size
+        self._params = params or TonemapParams()
+        number = CURVES.index(self._params.curve)
+        self._kernel = runtime.kernel("filters/tonemap.cl", {"TONEMAP_CURVE": number})
+        self._pitch = (size[1] + 15) // 16 * 16
+
+    def run(self, radiance: Plane, *, exposure: float | None = None, region: Region | None = None) -> NDArray[np.uint8]:
+        """Run the pass; return the picture, [rows, columns, 3] uint8.
+
+        `exposure` is that of the parameters by default, or the automatic one of the radiance.
+        Outside of `region` radiance is the same everywhere: one pixel stands for all.
+        """
+        exposure = self.params.exposure if exposure is None else exposure
+        if exposure is None:
+            exposure = auto_exposure(np.moveaxis(radiance.download(), 0, -1), region)
+        beyond = None if region is None else region.beyond(self.size)
+        parts = [region]
+        encoded_bytes = self.runtime.transient.array(self.size[0] * self._pitch * 3 // 4, np.uint32)
+        if beyond is not None:
+            parts.append(Region(*beyond, 1, 1))
+        for part in parts:
+            self._kernel.run(
+                "tonemap",
+                self.size,
+                region=part,
+                radiance=radiance,
+                encoded=encoded_bytes,
+                exposure=min(exposure, LARGEST_EXPOSURE),
+            )
+        rows, columns = self.size
+        picture = np.empty((rows, columns, 3), np.uint8)
+        with encoded_bytes.mapped() as flat:
+            encoded = flat.view(np.uint8).reshape(rows, self._pitch, 3)[:, :columns]
+            copy_region(encoded, picture, region, beyond)
+        return picture
+
+
+def auto_exposure(radiance: NDArray[np.float32], region: Region | None = None) -> float:
+    """Return the exposure that brings the log-average luminance to middle grey (Reinhard 2002).
+
+    Args:
+        radiance: [rows, columns, 3], linear, any strides. Pixels of luminance 0 don't count; 1 if
+            all are 0.
+        region: pixels outside of which all are the same; this changes no bit.
+    """
+    # Every third row and column: the mean of a log changes by less than the eye can tell.
+    picked = radiance[::3, ::3]
+    beyond = None if region is None else region.beyond(radiance.shape[:2])
+    if region is None or beyond is None:
+        logs = _log_luminance(picked)
+    else:
+        logs = np.full(picked.shape[:2], _log_luminance(radiance[beyond][None, None])[0, 0])
+        part = region.reduced(3)
+        places = slice(part.row, part.end[0]), slice(part.column, part.end[1])
+        logs[places] = _log_luminance(picked[places])
+    lit = logs[logs > -np.inf]
+    if lit.size == 0:
+        return 1.0
+    return float(np.clip(MIDDLE_GREY / np.exp(lit.mean()), 1e-12, 1e12))
+
+
+def _log_luminance(radiance: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Return the logarithm of each pixel's luminance, -inf of 0 and nan below, by itself: no bit
+    depends on what else is there."""
+    luminance = np.zeros(radiance.shape[:2])
+    for channel, weight in enumerate((0.2126, 0.7152, 0.0722)):
+        luminance += np.multiply(radiance[..., channel], weight, dtype=np.float64)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.log(luminance)
+
+
+@serialised
+def tonemap(
+    radiance: ArrayLike, *, exposure: float | None = None, curve: str = "filmic", runtime: Runtime | None = None
+) -> NDArray[np.uint8]:
+    """Turn linear radiance into an sRGB picture.
+
+    The filmic curve is the fit of the ACES reference transform by Narkowicz 2015; automatic
+    exposure is the log-average of Reinhard et al. 2002, "Photographic Tone Reproduction for Digital
+    Images". Departs: pixels that are black don't count in that average.
+
+    Args:
+        radiance: [rows, columns, 3] float32, finite, >= 0.
+        exposure: factor before the curve, > 0; by default the log-average luminance becomes 0.18.
+        curve: "filmic" (Narkowicz 2015) or "clip" (only what exceeds 1 is cut).
+        runtime: the device; by default the fastest found.
+
+    Returns:
+        [rows, columns, 3] uint8, sRGB encoding.
+
+    Raises:
+        TypeError, ValueError: an argument of the wrong type, shape or range.
+    """
+    values = checks.plane("radiance", radiance, channels=3, low=0.0, unit="W m^-2 sr^-1")
+    if values.size == 0:
+        raise ValueError(f"radiance has shape {values.shape}: expected at least one pixel")
+    params = TonemapParams(curve=curve, exposure=exposure)
+    factor = auto_exposure(values) if params.exposure is None else params.exposure
+    device = runtime or Runtime.open()
+    size = values.shape[:2]
+    technique, plane = device.prepared(
+        (Tonemap, size, params.shape()), lambda: (Tonemap(device, size, params), device.plane(3, size))
+    )
+    technique.params = params
+    plane.upload(np.moveaxis(values, -1, 0))
+    with device.frame():
+        result: NDArray[np.uint8] = technique.run(plane, exposure=factor)
+        return result
+
+
+DESCRIPTOR = Technique(
+    name="tonemap",
+    kind="shading",
+    paper="Narkowicz 2015; Reinhard et al. 2002",
+    function=tonemap,
+    params=TonemapParams,
+    technique=Tonemap,
+    reference="ssgi_cl.reference.filters.tonemap",
+    kernels={"filters/tonemap.cl": ("TONEMAP_CURVE",)},
+    reads=("image",),
+    writes=("image",),
+    bench=Bench(rows={"tonemap": ("exposure, filmic curve, sRGB", ())}),
+)

@@ -1,1 +1,0 @@
-"""Light that surfaces reflect: SSDO, reflective shadow maps, virtual point lights."""

@@ -1,0 +1,1 @@
+"""The occupancy grid: surfaces that block visibility rays."""

@@ -1,0 +1,1 @@
+"""Radiosity on surfels: all bounces of all light."""

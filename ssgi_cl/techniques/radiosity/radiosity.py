@@ -1,0 +1,248 @@
+"""All bounces of light, and light of emissive surfaces, carried by surfels."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.core.lights import Environment, Light, environments_of, shines
+from ssgi_cl.core.params import Params, Prepared, param
+from ssgi_cl.core.scene import Scene
+from ssgi_cl.core.vpls import PARTS, Vpls
+from ssgi_cl.device.rsm import DeviceRsm
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.techniques.occupancy.occupancy_grid import GRIDS
+from ssgi_cl.techniques.radiosity.light_volume import LightVolume, SentLight
+from ssgi_cl.techniques.radiosity.sky_directions import sky_directions
+from ssgi_cl.techniques.radiosity.surfels import Surfels
+from ssgi_cl.techniques.radiosity.surfels_on_device import DeviceSurfels
+from ssgi_cl.techniques.vpl.packed_vpls import DeviceVpls, VplChooser
+from ssgi_cl.techniques.vpl.world_vpls import WorldVpls
+
+Floats = NDArray[np.float32]
+Doubles = NDArray[np.float64]
+
+CONVERGED = 2e-3
+"""Of the flux, that bounces still to come have at most."""
+MOST_BOUNCES = 2000
+LEAST_ABSORBED = 2e-3
+"""Of the light, at each bounce: with less the sum of all bounces is not computed."""
+SETTLED = 50
+"""Bounces after which the ratio of one to the one before is that of all later ones."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RadiosityParams(Params):
+    """Parameters of radiosity."""
+
+    surfels: int = param(2048, "pieces that surfaces are divided into, about", low=16, high=1 << 14)
+    bounces: int | str = param(
+        "all",
+        "reflections on the way from a light to a pixel: 1 or more, or 'all': until those "
+        "to come have less than 0.2 % of the flux",
+    )
+    emission: bool = param(
+        True,
+        "the lights that are returned send what surfaces emit, too; False: only what they "
+        "reflect, for pixels that emissive surfaces light in another way",
+    )
+    vpls: int = param(4096, "virtual point lights that are chosen from maps to light surfels", low=16, high=1 << 16)
+    directions: int = param(128, "in which a surfel looks for the sky", low=16, high=4096)
+    grid: int = param(128, "cells along a side of the occupancy grid: 32, 64, 128 or 256", low=32, high=256)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.grid not in GRIDS:
+            raise ValueError(f"grid is {self.grid}: expected one of {GRIDS} (cells)")
+        bounces = self.bounces
+        if bounces != "all" and (
+            isinstance(bounces, bool) or not isinstance(bounces, int) or not 1 <= bounces <= MOST_BOUNCES
+        ):
+            raise ValueError(
+                f"bounces is {bounces!r}: expected 'all' or an integer in [1, {MOST_BOUNCES}] (reflections)"
+            )
+
+
+class Radiosity(Prepared[RadiosityParams]):
+    """Virtual point lights that send all light but what lights from maps send.
+
+    After Goral et al. 1984, "Modeling the Interaction of Light Between Diffuse Surfaces", with
+    surfels for patches, one visibility ray for each pair, and rows of form factors that sum to
+    what the sky leaves of a hemisphere. Surfaces reflect and emit on both sides.
+
+    Reflective shadow maps give the first bounce of spot, point and directional lights at pixels;
+    surfels carry their later bounces, all bounces of environments, and all light of emissive
+    surfaces. Surfaces that face a space which no light enters, as rooms of unlit neighbours and the
+    inside of things, have no surfels. Surfels and what they see are kept until another scene comes
+    or light enters other spaces; the lights are kept as long as scene, environments and maps stay
+    the same.
+
+    Args:
+        runtime: the device.
+        params: see `RadiosityParams`.
+
+    Attributes:
+        surfels: those of the latest scene that see any surface.
+        irradiance: [surfels, 3] float64, W/m^2: what they receive, surfaces' emission included.
+        vpls: what they send, in host memory, with parts; `run` returns it on the device.
+        bounces: reflections that were computed.
+    """
+
+    def __init__(self, runtime: Runtime, params: RadiosityParams | None = None) -> None:
+        self.runtime = runtime
+        self._params = params = params or RadiosityParams()
+        self._device = DeviceSurfels(runtime, params.grid)
+        self._maps = DeviceVpls(runtime, -(-params.vpls // 16) * 16)
+        self._chooser = VplChooser(runtime, (self._maps,))
+        self._scene: object = None
+        self._dark: frozenset[int] | None = None
+        self._lit: object = None
+        self._result: WorldVpls | None = None
+        self._light: tuple[SentLight, SentLight | None] | None = None
+        self._volume: LightVolume | None = None
+        self.irradiance: Doubles = np.zeros((0, 3))
+        self.vpls: Vpls | None = None
+        self.bounces = 0
+
+    @property
+    def surfels(self) -> Surfels:
+        """Those of the latest scene."""
+        return self._device.surfels
+
+    @property
+    def volume(self) -> LightVolume | None:
+        """What the surfaces of the latest run send, light of maps that they reflect included.
+
+        None before the first run. Computed when it is asked for, once for a result.
+        """
+        if self._volume is None and self._light is not None:
+            half = self._device.half
+            own, also = self._light
+            self._volume = LightVolume.of(own, self._device.camera.position - half, 2.0 * half, also)
+        return self._volume
+
+    def run(self, scene: Scene, lights: Sequence[Light], *, rsms: Sequence[DeviceRsm] = ()) -> WorldVpls | None:
+        """Return the lights, None where they would be black. Waits for the device if it computes.
+
+        Args:
+            scene: what is lit.
+            lights: of which environments count; the others are in `rsms`.
+            rsms: reflective shadow maps of the other lights.
+
+        Raises:
+            ValueError: with bounces="all", surfaces that are closed in absorb too little of the
+                light for its bounces to end.
+        """
+        environments = environments_of(lights)
+        lit = (scene.key, environments, tuple(rsms), tuple(rsm.version for rsm in rsms))
+        if lit == self._lit:
+            self.runtime.skip("radiosity", "scene and lights are the same")
+            return self._result
+        # Should anything fail, nothing is kept.
+        self._lit = self._result = self._light = self._volume = None
+        device = self._device
+        if self._scene is not scene.key:
+            self._scene = self._dark = None
+            device.enter(scene)
+            self._scene = scene.key
+        records = None
+        if rsms:
+            self._chooser.place(rsms, device.camera, kinds=1, unit=device.unit)
+            records = self._maps.records()
+        dark = device.dark(records, sky=any(map(shines, environments)))
+        if self._dark != dark:
+            self._dark = None
+            device.fill(scene, self.params.surfels, dark)
+            self._dark = dark
+        self._result = self._solved(environments, records)
+        self._lit = lit
+        return self._result
+
+    def _solved(self, environments: Sequence[Environment], records: Floats | None) -> WorldVpls | None:
+        device, surfels = self._device, self._device.surfels
+        if not len(surfels):
+            self.irradiance, self.vpls, self.bounces = np.zeros((0, 3)), None, 0
+            self._light = self._of_maps(records) or SentLight.none(), None
+            return None
+        ways, solid, radiance = sky_directions(environments, self.params.directions)
+        # Kernels count light in that of the brightest source, so that none leaves their range.
+        scale = max(math.pi * float(max(radiance.max(), surfels.emission.max())), 1e-30)
+        sky = device.look_up(ways, solid, radiance / scale)
+        first = np.zeros_like(sky)
+        if records is not None:
+            gain = self._maps.values["gain"] / scale
+            # What maps send may exceed the sky by any factor: the scale follows it.
+            raised = max(gain, 1.0)
+            first = device.gather_lights(self._maps, records, gain / raised)
+            scale, sky = scale * raised, sky / np.float32(raised)
+        exitance = math.pi * surfels.emission / scale
+        received = self._bounced(exitance.astype(np.float32), sky, first)
+        self.irradiance = received * scale
+        self.vpls = sent(surfels, self.irradiance, emission=self.params.emission)
+        parts = self.vpls.parts
+        assert parts is not None  # noqa: S101  those of surfels have some
+        own = SentLight(parts.position, parts.normal, parts.area, parts.flux)
+        self._light = own, self._of_maps(records)
+        if not self.vpls.flux.any():
+            return None
+        return WorldVpls(self.runtime, self.vpls, device.camera.position)
+
+    def _of_maps(self, records: Floats | None) -> SentLight | None:
+        """Return what surfaces reflect straight of the maps' lights."""
+        if records is None:
+            return None
+        device, rows = self._device, records.astype(np.float64)
+        turn = device.camera.view[:3, :3]
+        watts = self._maps.values["gain"] * device.unit**2
+        return SentLight(
+            rows[:, :3] * device.unit @ turn + device.camera.position,
+            -rows[:, 4:7] @ turn,
+            rows[:, 3] * device.unit**2,
+            rows[:, 8:11] * watts,
+        )
+
+    def _bounced(self, exitance: Floats, sky: Floats, first: Floats) -> Doubles:
+        """Return irradiance [surfels, 3] after as many bounces as the parameters say.
+
+        Light from maps has been reflected once when it arrives at a surfel, that of the sky and of
+        emissive surfaces not yet.
+        """
+        wanted = self.params.bounces
+        device, surfels = self._device, self._device.surfels
+        weight = surfels.area[:, None] * surfels.albedo
+        device.begin(exitance)
+        before, change = np.zeros((len(surfels), 3)), math.inf
+        for bounce in range(1, (MOST_BOUNCES if wanted == "all" else int(wanted)) + 1):
+            received = device.gather(sky if bounce == 1 else sky + first).astype(np.float64)
+            self.bounces = bounce
+            latest, total = float((np.abs(received - before) * weight).sum()), float((received * weight).sum())
+            ratio = latest / change if change > 0.0 else 0.0
+            before, change = received, latest
+            if bounce < 3:
+                continue
+            # The bounces to come are a geometric series of this ratio.
+            if latest * ratio <= CONVERGED * total * (1.0 - ratio):
+                break
+            if wanted == "all" and bounce >= SETTLED and ratio > 1.0 - LEAST_ABSORBED:
+                raise ValueError(
+                    f"bounces is 'all', but surfaces that are closed in absorb {1.0 - ratio:.2g} "
+                    f"of the light at each bounce: expected {LEAST_ABSORBED} or more (give bounces "
+                    "as an integer, or surfaces a lower albedo)"
+                )
+        return before
+
+
+def sent(surfels: Surfels, irradiance: Doubles, *, emission: bool) -> Vpls:
+    """Return what surfels send when they receive irradiance [surfels, 3] in W/m^2."""
+    exitance = surfels.part_albedo * np.repeat(irradiance, PARTS, axis=0)
+    if emission:
+        exitance += math.pi * surfels.part_emission
+    flux = surfels.part_area[:, None] * exitance
+    parts = Vpls(surfels.part_position + surfels.origin, surfels.part_normal, flux, surfels.part_area)
+    return Vpls(
+        surfels.position + surfels.origin, surfels.normal, flux.reshape(-1, PARTS, 3).sum(axis=1), surfels.area, parts
+    )

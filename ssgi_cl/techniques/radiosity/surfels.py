@@ -1,0 +1,306 @@
+"""Surfels: pieces of a scene's surfaces, each with area, albedo and emission."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.core.sampling import r_points
+from ssgi_cl.core.scene import Scene
+from ssgi_cl.core.vpls import PARTS
+from ssgi_cl.rasterize.files.textures import srgb_to_linear
+
+Doubles = NDArray[np.float64]
+
+CURVE_BITS = 10
+"""Of each coordinate along the Hilbert curve."""
+
+_DECODE = srgb_to_linear(np.arange(256) / 255.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Surfels:
+    """One-sided pieces of surfaces, each of which consists of `PARTS` points.
+
+    Consecutive surfels are neighbours that face alike: they are sorted by the axis nearest to
+    their normal and along a Hilbert curve. Values of a surfel are means over its parts by area; its
+    position is that of the part nearest to their mean. Parts of no area fill up a surfel.
+
+    Attributes:
+        origin: [3] float64, world space: positions count from here.
+        position, normal: [count, 3] float64, scene units and unit vectors on the surfel's side.
+        area: [count] float64, squared scene units, > 0.
+        albedo: [count, 3] float64 in [0, 1].
+        emission: [count, 3] float64, W m^-2 sr^-1.
+        part_position, part_normal, part_area, part_albedo, part_emission: [PARTS count, ...] of
+            the parts, those of a surfel one after the other, nearest to its position first.
+    """
+
+    origin: Doubles
+    position: Doubles
+    normal: Doubles
+    area: Doubles
+    albedo: Doubles
+    emission: Doubles
+    part_position: Doubles
+    part_normal: Doubles
+    part_area: Doubles
+    part_albedo: Doubles
+    part_emission: Doubles
+
+    def __len__(self) -> int:
+        return len(self.area)
+
+    def centred(self, part: NDArray[np.intp]) -> Surfels:
+        """Return the surfels with the positions of their parts of numbers `part` [count].
+
+        That part is then the first.
+        """
+        first = np.arange(len(self)) * PARTS
+        order = np.arange(PARTS * len(self))
+        order[first], order[first + part] = first + part, first
+        moved = {f"part_{name}": getattr(self, f"part_{name}")[order] for name in _OWN}
+        return replace(self, position=moved["part_position"][::PARTS], **moved)
+
+    def chosen(self, kept: NDArray[np.bool_]) -> Surfels:
+        """Return those surfels of which `kept` [count] is True."""
+        parts = np.repeat(kept, PARTS)
+        own = {name: getattr(self, name)[kept] for name in _OWN}
+        of_parts = {f"part_{name}": getattr(self, f"part_{name}")[parts] for name in _OWN}
+        return Surfels(origin=self.origin, **own, **of_parts)
+
+
+_OWN = ("position", "normal", "area", "albedo", "emission")
+
+
+EMITTERS = 0.25
+"""Part of the surfels that triangles get by the flux that they emit, the others by area: what emits
+is small, and the shadows of its light are as soft as it has surfels."""
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleShares:
+    """Which part of a scene's surfels each triangle gets.
+
+    Attributes:
+        ends: [n] float64: parts of each triangle and all before it, up to 1; 0 if none has area.
+        area, density: [n] float64: its area, and its part over that.
+        emits: [n] whether it emits light.
+    """
+
+    ends: Doubles
+    area: Doubles
+    density: Doubles
+    emits: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, scene: Scene) -> TriangleShares:
+        """Return those of a scene."""
+        area = 0.5 * np.sqrt(sum(one * one for one in _cross(scene, slice(None))))
+        emission = np.array([sum(m.emission) for m in scene.materials], np.float64)
+        shine = (emission / max(emission.max(initial=0.0), 1e-300))[scene.material_ids]
+        density = np.zeros(len(area))
+        parts = (np.ones(len(area)), 1.0 - EMITTERS), (shine, EMITTERS)
+        for weight, part in parts if shine.any() else [(np.ones(len(area)), 1.0)]:
+            density += part * weight / max(float((weight * area).sum()), 1e-300)
+        emits = np.array([m.emits for m in scene.materials], np.bool_)[scene.material_ids]
+        return cls(np.cumsum(density * area), area, density, emits)
+
+
+def _cross(scene: Scene, chosen: slice | NDArray[np.intp]) -> tuple[Doubles, Doubles, Doubles]:
+    """Return x, y and z of the normals of triangles, as long as twice their areas."""
+    x, y, z = scene.positions.T.astype(np.float64)[:, scene.triangles[chosen].T]
+    ux, uy, uz = x[1] - x[0], y[1] - y[0], z[1] - z[0]
+    vx, vy, vz = x[2] - x[0], y[2] - y[0], z[2] - z[0]
+    return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+
+
+def scene_surfels(scene: Scene, count: int, shares: TriangleShares | None = None) -> Surfels:
+    """Return surfels on both sides of all triangles, of equal area but where surfaces emit.
+
+    Points are drawn in proportion to `TriangleShares`, stratified over the list of triangles and,
+    within one, by the R sequence (Roberts 2018). Sorted along a curve, each `PARTS` of them are a
+    surfel. Points in holes that a texture's alpha cuts out are left out, with their area.
+
+    Args:
+        scene: any.
+        count: of surfels of both sides together, about; >= 2.
+        shares: of the scene's triangles, where they are known.
+
+    Returns:
+        An even number of surfels, at most count + 24; none if all triangles have no area.
+    """
+    points = _points(scene, PARTS * max(count // 2, 1), shares or TriangleShares.of(scene))
+    if not len(points[2]):
+        none = np.zeros((0, 3))
+        lines = [none, none, np.zeros(0), none, none]
+        return Surfels(np.asarray(scene.origin), *lines, *lines)
+    low, high = scene.bounds - scene.origin
+    kind = _axis(points[1]) + 6 * points[4].any(axis=1)
+    key = kind * np.int64(1 << 3 * CURVE_BITS) + curve_numbers(points[0], low, high)
+    order = np.argsort(key, kind="stable")
+    first = _surfels(np.asarray(scene.origin), points, order, key >> 3 * CURVE_BITS)
+    both = [first, _flipped(first)]
+    joined = {
+        name: np.concatenate([getattr(one, name) for one in both])
+        for name in (*_OWN, *(f"part_{name}" for name in _OWN))
+    }
+    whole = Surfels(origin=first.origin, **joined)
+    # Neighbours come together, whichever side of their triangles they are on.
+    places = curve_numbers(whole.position, low, high)
+    key = _axis(whole.normal) * np.int64(1 << 3 * CURVE_BITS) + places
+    return _reordered(whole, np.argsort(key, kind="stable"))
+
+
+def _points(scene: Scene, count: int, shares: TriangleShares) -> tuple[Doubles, Doubles, Doubles, Doubles, Doubles]:
+    """Return position, normal, area, albedo and emission of points on one side of the triangles."""
+    ends = shares.ends
+    total = float(ends[-1])
+    if not total > 0.0:
+        none = np.zeros((0, 3))
+        return none, none, np.zeros(0), none, none
+    wanted = (np.arange(count) + 0.5) * (total / count)
+    triangle = np.minimum(np.searchsorted(ends, wanted, "right"), len(ends) - 1)
+    u, v = r_points(0, count, 2).T
+    over = u + v > 1.0
+    u, v = np.where(over, 1.0 - u, u), np.where(over, 1.0 - v, v)
+    weights = np.stack([1.0 - u - v, u, v], axis=1)
+    corners = scene.triangles[triangle]
+
+    def mixed(values: NDArray[np.float32]) -> Doubles:
+        result: Doubles = np.einsum("nk,nkc->nc", weights, values[corners].astype(np.float64))
+        return result
+
+    ids = scene.material_ids[triangle]
+    albedo = np.array([m.albedo for m in scene.materials])[ids] * np.clip(mixed(scene.colors), 0.0, None)
+    there = np.ones(count, np.bool_)
+    uvs = mixed(scene.uvs)
+    for index in np.unique(ids):
+        material, own = scene.materials[index], ids == index
+        if material.texture >= 0:
+            texels = _nearest(scene.textures[material.texture], uvs[own])
+            albedo[own] *= _DECODE[texels[:, :3]]
+            if material.has_holes:
+                there[own] = texels[:, 3] / 255.0 * material.alpha >= material.alpha_cutoff
+    # What lobes reflect goes every way.
+    albedo += np.array([m.specular for m in scene.materials])[ids]
+    emission = np.array([m.emission for m in scene.materials])[ids]
+    cross = np.stack(_cross(scene, triangle), axis=1)
+    double = np.sqrt(np.einsum("nc,nc->n", cross, cross))
+    area = total / count / shares.density[triangle]
+    for kind in (False, True):  # triangles get whole points: what that loses or adds, all share
+        own = shares.emits[triangle] == kind
+        area[own] *= shares.area[shares.emits == kind].sum() / max(float(area[own].sum()), 1e-300)
+    values = (
+        mixed(scene.positions), cross / np.maximum(double, 1e-300)[:, None],
+        area, np.clip(albedo, 0.0, 1.0), emission,
+    )  # fmt: skip
+    return tuple(value[there] for value in values)  # type: ignore[return-value]
+
+
+def _nearest(texels: NDArray[np.uint8], uvs: Doubles) -> NDArray[np.uint8]:
+    """Return [n, 4] the texels of a repeated texture at [n, 2] coordinates, v = 0 at the bottom."""
+    rows, columns = texels.shape[:2]
+    column = np.minimum((np.mod(uvs[:, 0], 1.0) * columns).astype(np.intp), columns - 1)
+    row = np.minimum((np.mod(1.0 - uvs[:, 1], 1.0) * rows).astype(np.intp), rows - 1)
+    found: NDArray[np.uint8] = texels[row, column]
+    return found
+
+
+def _axis(normal: Doubles) -> NDArray[np.int64]:
+    """Return [n] 0 to 5: the axis nearest to a direction, and its sign."""
+    axis = np.abs(normal).argmax(axis=1)
+    down = np.take_along_axis(normal, axis[:, None], 1)[:, 0] < 0.0
+    number: NDArray[np.int64] = 2 * axis + down
+    return number
+
+
+def curve_numbers(points: Doubles, low: Doubles, high: Doubles) -> NDArray[np.int64]:
+    """Return [n] the numbers of points [n, 3] along a Hilbert curve through a box's cube.
+
+    After Skilling 2004, "Programming the Hilbert curve".
+    """
+    side = max(float((high - low).max()), 1e-30)
+    most = (1 << CURVE_BITS) - 1
+    x, y, z = np.clip((points - low) / side * most, 0, most).astype(np.int32).T
+    coordinates = [x, y, z]
+    bit = 1 << (CURVE_BITS - 1)
+    while bit > 1:
+        below = bit - 1
+        for i in range(3):
+            one = (coordinates[i] & bit) != 0
+            exchange = (coordinates[0] ^ coordinates[i]) & below
+            coordinates[0] = coordinates[0] ^ np.where(one, below, exchange)
+            if i:
+                coordinates[i] = coordinates[i] ^ np.where(one, 0, exchange)
+        bit >>= 1
+    for i in (1, 2):
+        coordinates[i] = coordinates[i] ^ coordinates[i - 1]
+    turn = np.zeros_like(x)
+    bit = 1 << (CURVE_BITS - 1)
+    while bit > 1:
+        turn ^= np.where(coordinates[2] & bit, bit - 1, 0).astype(np.int32)
+        bit >>= 1
+    number = np.zeros(len(x), np.int64)
+    for bit in range(CURVE_BITS - 1, -1, -1):
+        for value in coordinates:
+            number = (number << 1) | (((value ^ turn) >> bit) & 1)
+    return number
+
+
+def _surfels(origin: Doubles, points: tuple[Doubles, ...], order: NDArray[np.intp], kind: NDArray[np.int64]) -> Surfels:
+    """Return surfels of each `PARTS` consecutive points; those of different kinds do not mix."""
+    counts = np.bincount(kind, minlength=12)
+    firsts = np.cumsum(counts) - counts
+    index, real = [], []
+    for first, own in zip(firsts, counts, strict=True):
+        rounded = -(-own // PARTS) * PARTS
+        number = np.arange(rounded)
+        index.append(order[first + np.minimum(number, max(own - 1, 0))])
+        real.append(number < own)
+    chosen = np.concatenate(index)
+    position, normal, area, albedo, emission = (
+        values[chosen].reshape(-1, PARTS, *values.shape[1:]) for values in points
+    )
+    area = area * np.concatenate(real).reshape(-1, PARTS)
+    whole = area.sum(axis=1)
+
+    def mean(values: Doubles) -> Doubles:
+        result: Doubles = np.einsum("np,npc->nc", area, values) / whole[:, None]
+        return result
+
+    away = np.sum((position - mean(position)[:, None]) ** 2, axis=2)
+    # A padding part is as near as the last real one, and comes behind it.
+    nearest = np.argsort(away, axis=1, kind="stable")
+    position, normal, albedo, emission = (
+        np.take_along_axis(values, nearest[..., None], 1) for values in (position, normal, albedo, emission)
+    )
+    area = np.take_along_axis(area, nearest, 1)
+    facing = mean(normal)
+    length = np.sqrt(np.einsum("nc,nc->n", facing, facing))
+    # Normals of one axis lie within 55 degrees of it, so that their mean does not vanish.
+    facing /= length[:, None]
+    return Surfels(
+        origin,
+        position[:, 0],
+        facing,
+        whole,
+        mean(albedo),
+        mean(emission),
+        *(values.reshape(-1, *values.shape[2:]) for values in (position, normal, area, albedo, emission)),
+    )
+
+
+def _flipped(surfels: Surfels) -> Surfels:
+    own = {name: getattr(surfels, name) for name in (*_OWN, *(f"part_{name}" for name in _OWN))}
+    own["normal"], own["part_normal"] = -surfels.normal, -surfels.part_normal
+    return Surfels(origin=surfels.origin, **own)
+
+
+def _reordered(surfels: Surfels, order: NDArray[np.intp]) -> Surfels:
+    parts = (order[:, None] * PARTS + np.arange(PARTS)).ravel()
+    own = {name: getattr(surfels, name)[order] for name in _OWN}
+    of_parts = {f"part_{name}": getattr(surfels, f"part_{name}")[parts] for name in _OWN}
+    return Surfels(origin=surfels.origin, **own, **of_parts)

@@ -1,0 +1,305 @@
+"""Surfels in device memory: what they see, and the light that they receive."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.scene import Scene
+from ssgi_cl.core.vpls import PARTS
+from ssgi_cl.device.constants import FIRST_GROUP, SURFEL_RECORD
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.device.structs import CAMERA, Struct, floats
+from ssgi_cl.rasterize.raster.device_scene import DeviceScene
+from ssgi_cl.rasterize.raster.view import device_scene
+from ssgi_cl.techniques.occupancy.occupancy_grid import OccupancyGrid
+from ssgi_cl.techniques.radiosity.air import Air
+from ssgi_cl.techniques.radiosity.many_lights import traced_lights
+from ssgi_cl.techniques.radiosity.sky_directions import sky_directions
+from ssgi_cl.techniques.radiosity.start_triangles import StartTriangles
+from ssgi_cl.techniques.radiosity.surfels import Surfels, TriangleShares, scene_surfels
+from ssgi_cl.techniques.vpl.packed_vpls import VPL, DeviceVpls
+
+Floats = NDArray[np.float32]
+Doubles = NDArray[np.float64]
+
+START = Struct("StartParams", (*floats("lift", "per_unit", "shift_x", "shift_y", "shift_z"), ("vertex_stride", "int")))
+ROWS = 16
+START_ROWS = slice(6, 9)
+"""Of kernels/radiosity/surfel.clh."""
+PILOT = 512
+"""Surfels from which it is estimated how many sides of surfaces take part."""
+LEAST_SHARE = 0.25
+"""Of sides that are taken to take part."""
+PILOT_DIRECTIONS = 32
+"""In which a surfel looks for any surface."""
+ROOM = 0.02
+"""Part of the pilot's surfels that a space has at least which is left out where no light enters it:
+the smaller ones gain little, and lights that move would open and close them."""
+RAYS = 1024
+"""To virtual point lights that a surfel traces, about."""
+OPEN = 0.9999
+"""Part of the hemisphere that a surfel has open which sees no surface."""
+MOST_ROW = 1.5
+"""Factor by which form factors of what a surfel sees are raised, at most. Where less of what covers
+its hemisphere is visible, the grid is too coarse for the place, and what is visible may be seen
+through a leak."""
+
+
+class DeviceSurfels:
+    """The surfels of a scene, which of them see which, and irradiance.
+
+    Args:
+        runtime: the device.
+        cells: of the occupancy grid, along a side.
+
+    Attributes:
+        surfels: what is in device memory; `fill` sets it.
+        camera: at the middle of the scene, along the world's axes: kernels count from there.
+        unit: scene units of the length in which they count.
+    """
+
+    surfels: Surfels
+    camera: Camera
+    unit: float
+
+    def __init__(self, runtime: Runtime, cells: int) -> None:
+        self.runtime = runtime
+        self._grid = OccupancyGrid(runtime, cells, (1, 1))
+        macros, structs = self._grid.macros, (CAMERA, VPL)
+        self._start = runtime.kernel("radiosity/radiosity_start.cl", macros, (*structs, START))
+        self._see = runtime.kernel("radiosity/radiosity_visibility.cl", macros, structs)
+        self._mirror = runtime.kernel("radiosity/radiosity_mirror.cl")
+        self._sky = runtime.kernel("radiosity/radiosity_sky.cl", macros, structs)
+        self._first = runtime.kernel("radiosity/radiosity_first.cl", macros, structs)
+        self._gather = runtime.kernel("radiosity/radiosity_gather.cl", macros, structs)
+
+    def enter(self, scene: Scene) -> None:
+        """Take a scene, as yet without surfels: its occupancy grid and the spaces of its air."""
+        low, high = scene.bounds
+        middle = 0.5 * (low + high)
+        half = max(0.5 * float((high - low).max()), 1e-30)
+        self.half = half
+        self.unit = 2.0 ** round(math.log2(half))
+        self.camera = Camera.look_at(middle, middle - [0.0, 0.0, half], width=1, height=1)
+        self._shift = np.asarray(scene.origin) - middle
+        solid = device_scene(scene, self.runtime)
+        self._occupancy = occupancy = self._grid.fill_scene(solid, self.camera.view, self.unit, half)
+        self._near = StartTriangles.of(self.runtime, scene, solid)
+        self._shares = TriangleShares.of(scene)
+        self._air = Air.of(occupancy.grid.download(), occupancy.cells)
+        seeing, starts = self._seeing(scene_surfels(scene, PILOT, self._shares), solid)
+        spaces = self._air.at(starts)
+        emits = seeing.emission.any(axis=1)
+        self._emitting = frozenset(spaces[emits].tolist())
+        self._of_pilot = np.bincount(spaces, minlength=int(self._air.numbers.max()) + 1)
+
+    def dark(self, lights: Floats | None, *, sky: bool) -> frozenset[int]:
+        """Return the spaces of the scene's air that no light enters, small ones left out.
+
+        Args:
+            lights: records of those that `camera` sees, counted in `unit`: what punctual lights
+                shine on.
+            sky: whether environments shine.
+        """
+        lit = self._emitting | (self._air.outside if sky else frozenset())
+        if lights is not None:
+            where = self._air.at(self._lit_points(lights))
+            if np.count_nonzero(where) <= len(where) // 2:  # the grid is too coarse to tell
+                return frozenset()
+            lit |= frozenset(np.unique(where).tolist())
+        large = np.flatnonzero(self._of_pilot >= ROOM * PILOT)
+        return frozenset(large.tolist()) - lit - {0}
+
+    def _lit_points(self, lights: Floats) -> Floats:
+        """Return [n, 3] points above the lights that shine, in cells of the grid."""
+        shining = lights[lights[:, 8:11].any(axis=1)]
+        box = self._occupancy.box.download()
+        lift = self._occupancy.lift * shining[:, 4:7]  # their normals, turned round
+        points: Floats = (shining[:, :3] - box[:3]) * box[3] - lift
+        return points
+
+    def fill(self, scene: Scene, count: int, dark: frozenset[int]) -> None:
+        """Replace the contents by about `count` surfels of the scene; queue what they see.
+
+        Args:
+            scene: that `enter` took.
+            count: of surfels.
+            dark: spaces that get none.
+        """
+        solid = device_scene(scene, self.runtime)
+        without = self._of_pilot[list(dark)].sum()
+        share = max((self._of_pilot.sum() - without) / PILOT, LEAST_SHARE)
+        tried = scene_surfels(scene, int(count / share), self._shares)
+        self.surfels, starts = self._seeing(tried, solid, dark)
+        self._upload(self.surfels, starts)
+        words = self._stride // 32
+        self._visible = self.runtime.empty(words * self._stride, np.int32)
+        self._see.run(
+            "surfel visibility",
+            (words, self._stride),
+            surfels=self._rows,
+            records=self._flux[0],
+            occupancy=self._occupancy.grid,
+            visible=self._visible,
+        )
+        self._mirror.run("surfel visibility", (words, self._stride), visible=self._visible)
+
+    def _seeing(
+        self, surfels: Surfels, solid: DeviceScene, dark: frozenset[int] = frozenset()
+    ) -> tuple[Surfels, Floats]:
+        """Return those that see any surface, and where their rays start: [n, 3] in cells.
+
+        No light reaches the others, nor leaves them. Those without room in front of them are left
+        out, too, and those that face a space in `dark`.
+        """
+        if not len(surfels):
+            return surfels, np.zeros((0, 3), np.float32)
+        self._upload(surfels)
+        part = self._find_starts(surfels, solid)
+        self.look_up(*sky_directions((), PILOT_DIRECTIONS))
+        opened = self._seen.download().reshape(4, -1)[3, : len(surfels)]
+        starts = self._rows.download().reshape(ROWS, -1)[START_ROWS, : len(surfels)]
+        kept = (opened < OPEN) & (part >= 0)
+        if dark:
+            kept &= ~np.isin(self._air.at(starts.T), list(dark))
+        return surfels.centred(np.maximum(part, 0)).chosen(kept), starts[:, kept].T
+
+    def _upload(self, surfels: Surfels, starts: Floats | None = None) -> None:
+        """Bring surfels to the device, and where their rays start if that is known."""
+        runtime, shift, count = self.runtime, self._shift, len(surfels)
+        self._count = count
+        self._stride = stride = max(-(-count // 32) * 32, 32)
+        rows = np.zeros((ROWS, stride), np.float32)
+        rows[0:3, :count] = ((surfels.position + shift) / self.unit).T
+        rows[3:6, :count] = surfels.normal.T
+        if starts is not None:
+            rows[START_ROWS, :count] = starts.T
+        rows[9, :count] = surfels.area / self.unit**2
+        rows[10:13, :count] = surfels.albedo.T
+        self._rows = runtime.array(rows)
+        records = np.zeros((stride, SURFEL_RECORD), np.float32)
+        records[:, 0:3], records[:, 3], records[:, 4:7] = rows[0:3].T, rows[9], -rows[3:6].T
+        self._records = records
+        self._flux = [runtime.array(records), runtime.array(records)]
+        self._seen = runtime.empty(4 * stride, np.float32)
+        self._values = runtime.empty(3 * stride, np.float32)
+        self._received = runtime.empty(3 * stride, np.float32)
+
+    def _find_starts(self, surfels: Surfels, solid: DeviceScene) -> NDArray[np.int32]:
+        """Return above which part the rays of surfels start, or -1; the device has where, then."""
+        runtime, occupancy, shift, count = self.runtime, self._occupancy, self._shift, len(surfels)
+        stride, near = self._stride, self._near
+        parts = np.zeros((6, PARTS * stride), np.float32)
+        parts[:3, : PARTS * count] = ((surfels.part_position + shift) / self.unit).T
+        parts[3:, : PARTS * count] = surfels.part_normal.T
+        chosen = runtime.empty(stride, np.int32)
+        values = {
+            "lift": occupancy.lift,
+            "per_unit": 1.0 / self.unit,
+            "vertex_stride": solid.vertex_stride,
+            **{f"shift_{axis}": float(shift[i]) for i, axis in enumerate("xyz")},
+        }
+        self._start.run(
+            "surfel starts",
+            (solid.triangles, stride),
+            grid=(1, stride // runtime.variant.lanes),
+            parts=runtime.array(parts),
+            corners=near.corners,
+            positions=solid.positions,
+            boxes=near.boxes,
+            few=near.few,
+            cutouts=near.cutouts,
+            occupancy=occupancy.grid,
+            grid_box=occupancy.box,
+            surfels=self._rows,
+            part=chosen,
+            params=START.pack(values),
+        )
+        part: NDArray[np.int32] = chosen.download()[:count]
+        return part
+
+    def look_up(self, ways: Doubles, solid: Doubles, radiance: Doubles) -> Floats:
+        """Return irradiance [surfels, 3] by the sky; `gather` needs what is found out.
+
+        Args:
+            ways, solid, radiance: see `sky_directions`.
+        """
+        table = np.zeros((len(ways), 8), np.float32)
+        table[:, :3], table[:, 3], table[:, 4:7] = ways, solid, radiance
+        self._sky.run(
+            "surfel sky",
+            (len(ways), self._stride),
+            grid=(1, self._stride // self.runtime.variant.lanes),
+            surfels=self._rows,
+            directions=self.runtime.array(table),
+            occupancy=self._occupancy.grid,
+            sky=self._seen,
+        )
+        return self._of_surfels(self._seen.download())
+
+    def gather_lights(self, lights: DeviceVpls, records: Floats, gain: float) -> Floats:
+        """Return irradiance [surfels, 3] by lights that `camera` sees, counted in `unit`."""
+        runtime, own_records = self.runtime, self._records[: self._count]
+        own, weight = traced_lights(own_records[:, :3], -own_records[:, 4:7], records, RAYS)
+        groups, most = own.shape
+        # Past the last surfel the lanes have a group, too.
+        numbers = np.full((self._stride // FIRST_GROUP, most), -1, np.int32)
+        weights = np.zeros(numbers.shape, np.float32)
+        numbers[:groups], weights[:groups] = own, weight
+        self._first.run(
+            "surfel lights",
+            (most, self._stride),
+            grid=(1, self._stride // runtime.variant.lanes),
+            surfels=self._rows,
+            lights=lights.lights,
+            numbers=runtime.array(numbers),
+            weights=runtime.array(weights),
+            occupancy=self._occupancy.grid,
+            grid_box=self._occupancy.box,
+            values=self._values,
+            lift=self._occupancy.lift,
+            gain=gain,
+        )
+        return self._of_surfels(self._values.download())
+
+    def begin(self, exitance: Floats) -> None:
+        """Let surfels send [surfels, 3] what they emit."""
+        own = np.zeros((3, self._stride), np.float32)
+        own[:, : len(exitance)] = exitance.T
+        rows = self._rows.download().reshape(ROWS, -1)
+        rows[13:16] = own
+        self._rows.send(rows)
+        self._records[:, 8:11] = own.T * self._records[:, 3:4]
+        self._flux[0].send(self._records)
+
+    def gather(self, source: Floats) -> Floats:
+        """Return irradiance [surfels, 3] by what surfels send now, and by a source besides.
+
+        They then send what they emit, and what they reflect of it.
+        """
+        values = np.zeros((3, self._stride), np.float32)
+        values[:, : len(source)] = source.T
+        self._values.send(values)
+        self._gather.run(
+            "surfel bounce",
+            (self._stride // 32, self._stride),
+            grid=(1, self._stride // self.runtime.variant.lanes),
+            surfels=self._rows,
+            before=self._flux[0],
+            visible=self._visible,
+            sky=self._seen,
+            source=self._values,
+            after=self._flux[1],
+            received=self._received,
+            most=MOST_ROW,
+        )
+        self._flux.reverse()
+        return self._of_surfels(self._received.download())
+
+    def _of_surfels(self, rows: Floats) -> Floats:
+        """Return [surfels, 3] of the first three rows."""
+        return rows.reshape(-1, self._stride)[:3, : self._count].T.copy()

@@ -1,0 +1,1 @@
+"""Gathering from reflective shadow maps."""

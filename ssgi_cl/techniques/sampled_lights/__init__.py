@@ -1,0 +1,1 @@
+"""Light of environments by sampled directions with depth maps."""

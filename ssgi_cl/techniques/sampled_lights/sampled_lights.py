@@ -1,0 +1,307 @@
+"""Environments with visibility at any distance: directions by importance, a depth map each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypedDict, Unpack
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.core.environment_samples import sample_environments
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.lights import Environment, Light, are_same, environments_of
+from ssgi_cl.core.params import Params, Prepared, param
+from ssgi_cl.core.sample_views import PATTERN, interleaved, sample_views
+from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.arrays import DeviceArray, Plane, Size
+from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
+from ssgi_cl.device.runtime import Runtime, serialised
+from ssgi_cl.device.structs import CAMERA
+from ssgi_cl.device.transient import Target
+from ssgi_cl.rasterize.raster.view import device_scene
+from ssgi_cl.techniques.direct.shadow_maps import checked_lights
+from ssgi_cl.techniques.filters.bilateral import Bilateral, BilateralParams
+from ssgi_cl.techniques.technique import Technique
+
+Doubles = NDArray[np.float64]
+
+BATCH = 256
+"""Triangles that the maps' pass brings to one view after another."""
+ITEMS = 8
+"""Work-items of that pass for each compute unit, where each has maps of its own."""
+FIELDS = 20
+OFFSET = 1.0
+"""Diagonals of a texel by which a receiver is moved along its normal: the farthest of 2 x 2 texels
+is so far off, and depth there differs by that times the tangent of the light's angle at most."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SampledLightsParams(Params):
+    """Parameters of sampled lights."""
+
+    directions: int = param(
+        128, "directions that stand for all environments; rounded up to a multiple of 16", low=16, high=1024
+    )
+    map_size: int = param(256, "side of each direction's depth map", low=16, high=2048, unit="texels")
+    blur: int = param(
+        7,
+        "radius of the edge-aware blur that averages the 4 x 4 sets of directions; 0 for none",
+        low=0,
+        high=16,
+        unit="px",
+    )
+
+    @property
+    def count(self) -> int:
+        """Directions, a multiple of 16."""
+        return -(-self.directions // PATTERN) * PATTERN
+
+
+def _blur_params(radius: int) -> BilateralParams:
+    """Return a blur in which patterns of 4 pixels vanish: of 7 pixels, all but 0.07 % of them."""
+    return BilateralParams(radius=radius, sigma=0.25 * radius + 0.55)
+
+
+class SampledLightsKeywords(TypedDict, total=False):
+    """The parameters of `sampled_lights`."""
+
+    directions: int
+    map_size: int
+    blur: int
+
+
+class SampledLights(Prepared[SampledLightsParams]):
+    """Sampled lights, prepared for images of one size.
+
+    Debevec 2005. Departs: see `sampled_lights`. Directions, maps and what follows from them are
+    kept as long as scene and environments are the same objects.
+
+    Args:
+        runtime: the device.
+        size: (rows, columns) of the images.
+        params: of the technique.
+        kept: whether results are in memory of its own; else each lives as long as somebody refers
+            to it.
+
+    Attributes:
+        contact_radius: scene units; occluders nearer than this may be missed, which is for ambient
+            occlusion to add. 0 before the first run.
+    """
+
+    def __init__(
+        self, runtime: Runtime, size: Size, params: SampledLightsParams | None = None, *, kept: bool = True
+    ) -> None:
+        self.runtime = runtime
+        self.size = size
+        self._params = params = params or SampledLightsParams()
+        self._irradiance = Target(runtime, 3, size, kept=kept)
+        self._blur = Bilateral(runtime, size, _blur_params(params.blur), 3, kept=kept)
+        self._depth = runtime.kernel("sampled_lights/sampled_depth.cl", {"SAMPLED_BATCH": BATCH})
+        self._cutouts = runtime.kernel("sampled_lights/sampled_cutouts.cl")
+        self._light = runtime.kernel(
+            "sampled_lights/sampled_lights.cl", {"SAMPLED_COUNT": params.count // PATTERN}, (CAMERA,)
+        )
+        self._order = interleaved(params.count)
+        self._samples = runtime.empty(params.count * 4 * FIELDS, np.float32)
+        self._matrices = runtime.empty(params.count * 12, np.float32)
+        self._maps: DeviceArray | None = None
+        self._environments: tuple[Environment, ...] = ()
+        self._directions: Doubles = np.zeros((0, 3))
+        self._flux: Doubles = np.zeros((0, 3))
+        self._scene: object = None  # its key, of what the maps show
+        self._views: Doubles = np.zeros((0, 3, 4))
+        self._diagonals: Doubles = np.zeros(0)
+        self.contact_radius = 0.0
+
+    def run(self, gbuffer: DeviceGBuffer, lights: Sequence[Light], *, scene: Scene) -> Plane | None:
+        """Queue the passes; return irradiance by all environments, None if there is no light.
+
+        3 images, W/m^2; 0 where nothing is. Other lights are passed over.
+        """
+        self._sample(lights)
+        if not len(self._directions):
+            self.runtime.skip("sampled lights", "no environment sends light")
+            return None
+        self._draw(scene)
+        assert self._maps is not None  # noqa: S101  just drawn
+        self._samples.send(self._table(gbuffer, scene))
+        with self._irradiance.over(gbuffer.seen) as (irradiance, region):
+            self._light.run(
+                "sampled lights",
+                self.size,
+                region=region,
+                depth=gbuffer.depth,
+                normal=gbuffer.normal,
+                samples=self._samples,
+                maps=self._maps,
+                irradiance=irradiance,
+                camera=gbuffer.camera_struct,
+                margin_columns=gbuffer.margin[1],
+                margin_rows=gbuffer.margin[0],
+                texels=self.params.map_size,
+            )
+        return self._blur.run(gbuffer, irradiance, name="sampled lights blur", region=region)
+
+    def _sample(self, lights: Sequence[Light]) -> None:
+        now = environments_of(lights)
+        if are_same(now, self._environments):
+            return
+        self._scene = None
+        self._directions, self._flux = sample_environments(now, self.params.count)
+        self._environments = now
+
+    def _draw(self, scene: Scene) -> None:
+        """Queue the pass that draws all maps, unless they are there."""
+        if self._scene is scene.key:
+            self.runtime.skip("sampled lights maps", "neither scene nor environments changed")
+            return
+        self._scene = None
+        runtime, texels, count = self.runtime, self.params.map_size, self.params.count
+        triangles = len(scene.triangles)
+        stride = -(-triangles // 16) * 16
+        planar = np.zeros((9, stride), np.float32)
+        corners = scene.positions[scene.triangles]
+        has_holes = np.array([m.has_holes for m in scene.materials])
+        holes = np.flatnonzero(has_holes[scene.material_ids])
+        corners[holes] = corners[holes, :1]  # these are drawn by themselves
+        planar[:, :triangles] = corners.reshape(triangles, 9).T
+        uploaded = runtime.transient.array(planar.size, np.float32)
+        uploaded.upload(planar)
+        self._views, self._diagonals = sample_views(self._directions, scene.bounds - scene.origin, texels)
+        self._matrices.upload(self._views.astype(np.float32))
+        empty = np.full(count * texels * texels, np.float32(np.inf).view(np.int32), np.int32)
+        if self._maps is None:
+            self._maps = runtime.array(empty)
+        else:
+            self._maps.upload(empty)
+        batches = -(-triangles // BATCH)
+        rows, each = batches, 1
+        if runtime.variant.lanes > 1:  # see the kernel
+            rows, each = 1, max(count // (ITEMS * runtime.info.units), 1)
+        self._depth.run(
+            "sampled lights maps",
+            (batches, count),
+            grid=(rows, -(-count // each)),
+            local=(1, 1),
+            triangles=uploaded,
+            views=self._matrices,
+            maps=self._maps,
+            count=triangles,
+            texels=texels,
+            each=each,
+        )
+        if len(holes):
+            solid = device_scene(scene, runtime)
+            self._cutouts.run(
+                "sampled lights cut-outs",
+                (len(holes), count),
+                grid=(len(holes), count),
+                chosen=runtime.array(holes.astype(np.int32)),
+                corners=solid.corners,
+                positions=solid.positions,
+                uvs=solid.uvs,
+                cutouts=solid.cutouts,
+                materials=solid.materials,
+                textures=solid.textures,
+                texels=solid.texels,
+                decode=solid.decode,
+                views=self._matrices,
+                maps=self._maps,
+                triangles=triangles,
+                vertex_stride=solid.vertex_stride,
+                side=texels,
+            )
+        self.contact_radius = 2.0 * float(np.median(self._diagonals))
+        self._scene = scene.key
+
+    def _table(self, gbuffer: DeviceGBuffer, scene: Scene) -> NDArray[np.float32]:
+        """Return [count / 16, 4, FIELDS, 16], see kernels/sampled_lights/sampled_lights.cl."""
+        camera = gbuffer.camera
+        assert camera is not None  # noqa: S101  a filled G-buffer has one
+        turn = camera.view[:3, :3]
+        # In float64: the eye relative to the scene's origin may be a small difference.
+        eye = camera.position - scene.origin
+        rows = self._views[:, :, :3]
+        fields = np.column_stack(
+            [
+                self._directions @ turn.T,
+                self._flux * PATTERN,
+                np.concatenate([rows @ turn.T, (rows @ eye + self._views[:, :, 3])[..., None]], axis=-1).reshape(
+                    -1, 12
+                ),
+                OFFSET * self._diagonals,
+                np.arange(len(self._views)),
+            ]
+        )
+        table = np.moveaxis(fields[self._order], -1, 2)  # [groups, 4, fields, 4]
+        return np.ascontiguousarray(np.tile(table, 4), np.float32)
+
+
+@serialised
+def sampled_lights(
+    gbuffer: GBuffer | DeviceGBuffer,
+    lights: Sequence[Light],
+    *,
+    scene: Scene,
+    runtime: Runtime | None = None,
+    **params: Unpack[SampledLightsKeywords],
+) -> NDArray[np.float32]:
+    """Compute irradiance by environments, shadowed by all of a scene at any distance.
+
+    Directions of equal flux stand for the environments, each with a depth map over the whole
+    scene; pixels test an interleaved subset and an edge-aware blur averages the subsets. Occluders
+    narrower than a map's texel, and contacts nearer than one, are missed.
+
+    Debevec 2005, "A Median Cut Algorithm for Light Probe Sampling", with the pixels of Keller and
+    Heidrich 2001, "Interleaved Sampling". Departs: regions are of an equal-area map; a region is
+    cut across its longer side.
+
+    Args:
+        gbuffer: the receivers.
+        lights: environments among them are sampled; others are passed over.
+        scene: what casts shadows. Its maps are kept for the next call with the same objects.
+        runtime: the device; by default the fastest found.
+        **params: the fields of `SampledLightsParams`.
+
+    Returns:
+        Irradiance in W/m^2, [rows, columns, 3] float32; 0 where nothing is.
+
+    Raises:
+        TypeError, ValueError: an argument of the wrong type, or a parameter out of range.
+    """
+    lights = checked_lights(lights, None)
+    if not isinstance(scene, Scene):
+        raise TypeError(f"scene is {type(scene).__name__}: expected a Scene")
+    chosen = SampledLightsParams(**params)
+    device = on_device(gbuffer, runtime)
+    if device.camera is None:
+        raise ValueError("the device G-buffer is empty: draw or upload something first")
+    runtime = device.runtime
+    technique: SampledLights = runtime.prepared(
+        (SampledLights, device.size, chosen.shape()), lambda: SampledLights(runtime, device.size, chosen)
+    )
+    with runtime.frame():
+        plane = technique.run(device, lights, scene=scene)
+        if plane is None:
+            return np.zeros((*device.size, 3), np.float32)
+        return np.ascontiguousarray(np.moveaxis(plane.download(), 0, -1))
+
+
+DESCRIPTOR = Technique(
+    name="sampled_lights",
+    kind="shading",
+    paper="Debevec 2005",
+    function=sampled_lights,
+    params=SampledLightsParams,
+    technique=SampledLights,
+    reference="ssgi_cl.reference.sampled_lights.sampled_lights",
+    kernels={
+        "sampled_lights/sampled_depth.cl": ("SAMPLED_BATCH",),
+        "sampled_lights/sampled_cutouts.cl": (),
+        "sampled_lights/sampled_lights.cl": ("SAMPLED_COUNT",),
+    },
+    reads=("depth", "normal", "lights", "scene"),
+    writes=("irradiance",),
+)

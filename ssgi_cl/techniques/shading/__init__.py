@@ -1,1 +1,0 @@
-"""Direct and ambient light, shadow maps, tone mapping."""

@@ -1,0 +1,1 @@
+"""Directional occlusion and one-bounce indirect light in screen space."""

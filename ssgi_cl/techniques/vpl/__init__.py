@@ -1,0 +1,1 @@
+"""Virtual point lights: choice, packing, splatting and the light tree."""

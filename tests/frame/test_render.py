@@ -1,0 +1,565 @@
+"""The whole pipeline: what a frame holds, what it skips, and that it repeats."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import ssgi_cl as gi
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
+from ssgi_cl.core.scene import Material, Scene
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.frame.params import FrameParams
+from ssgi_cl.frame.render import Frame, Renderer
+from ssgi_cl.frame.render import render as render_kept
+from ssgi_cl.frame.skips import SKIPS
+from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
+from ssgi_cl.reference.direct.shade import shade_reference
+from ssgi_cl.reference.filters.tonemap import encoded_reference
+from ssgi_cl.techniques.ao.ssao import SsaoParams
+from ssgi_cl.techniques.catalogue import TECHNIQUES
+from ssgi_cl.techniques.filters.tonemap import auto_exposure
+
+SUN = DirectionalLight((-0.3, -1.0, -0.4), (3.0, 2.8, 2.5))
+SKY = Environment((0.4, 0.5, 0.7))
+LAMP = PointLight((0.3, 1.2, 0.4), (1.0, 0.8, 0.6))
+SPOT = SpotLight((0.2, 1.5, 0.3), (-0.1, -1.0, 0.0), 0.8, 1.0)
+LIGHTS: tuple[Light, ...] = (SUN, SKY, LAMP, SPOT)
+
+
+@pytest.fixture(scope="module")
+def small() -> Scene:
+    """A floor with a wall on it, of which the wall glows a little."""
+    positions = [
+        [-1, 0, -1],
+        [-1, 0, 1],
+        [1, 0, 1],
+        [1, 0, -1],
+        [-0.5, 0, -0.2],
+        [0.5, 0, -0.2],
+        [0.5, 0.6, -0.2],
+        [-0.5, 0.6, -0.2],
+    ]
+    return Scene(
+        positions=np.array(positions, np.float32),
+        normals=np.array([[0, 1, 0]] * 4 + [[0, 0, 1]] * 4, np.float32),
+        uvs=np.zeros((8, 2), np.float32),
+        colors=np.ones((8, 3), np.float32),
+        triangles=np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]], np.int32),
+        material_ids=np.array([0, 0, 1, 1], np.int32),
+        materials=(Material(), Material(albedo=(0.6, 0.2, 0.2), emission=(0.02, 0.0, 0.01))),
+    )
+
+
+def viewer(width: int = 64, height: int = 48) -> Camera:
+    """Return a camera that sees floor, wall and sky."""
+    return Camera.look_at((1.2, 1.0, 1.8), (0, 0.3, 0), width=width, height=height)
+
+
+def render(scene: Scene, camera: Camera, lights: Any, **options: Any) -> Frame:
+    """Render as a first frame would be: nothing stays from the frames of other tests."""
+    return render_kept(scene, camera, lights, **{"skips": set(SKIPS) - {"unchanged"}, **options})
+
+
+def names(frame: Frame) -> list[str]:
+    """Return the names of the passes that ran."""
+    return [p.name for p in frame.passes if not p.skipped]
+
+
+def skipped(frame: Frame) -> dict[str, str]:
+    """Return the passes that did not run, and why; not those of which a part was left out."""
+    return {p.name: p.skipped for p in frame.passes if p.skipped}
+
+
+# ---- what a frame holds
+
+
+def test_frame_holds_arrays_of_the_documented_shape_and_type(runtime: Runtime, small: Scene) -> None:
+    frame = render(small, viewer(), LIGHTS, bounces=0, gbuffer=True, shadow_size=128, runtime=runtime)
+    assert (frame.image.shape, frame.image.dtype) == ((48, 64, 3), np.uint8)
+    assert (frame.radiance.shape, frame.radiance.dtype) == ((48, 64, 3), np.float32)
+    assert frame.ao is not None
+    assert (frame.ao.shape, frame.ao.dtype) == ((48, 64), np.float32)
+    assert frame.gbuffer is not None
+    assert frame.gbuffer.size == (48, 64)
+    assert frame.exposure > 0.0
+    assert frame.wall_ms > 0.0
+    assert np.isfinite(frame.radiance).all()
+    assert frame.radiance.min() >= 0.0
+    assert 0.0 <= frame.ao.min() < 0.9
+    assert frame.ao.max() == 1.0
+    for array in (frame.image, frame.radiance, frame.ao):
+        assert array.flags.c_contiguous
+
+
+def test_passes_are_named_and_timed_in_the_order_they_ran(runtime: Runtime, small: Scene) -> None:
+    frame = render(small, viewer(), LIGHTS, bounces=0, shadow_size=128, runtime=runtime)
+    ran = names(frame)
+    wanted = ["view normals", "gtao", "light directional", "light point", "light spot", "combine", "tonemap"]
+    first = [ran.index(name) for name in wanted]
+    assert first == sorted(first)
+    assert all(p.ms >= 0.0 for p in frame.passes)
+    assert all(p.ms == 0.0 for p in frame.passes if p.skipped)
+    assert sum(p.ms for p in frame.passes) < frame.wall_ms
+
+
+@pytest.mark.parametrize("name", sorted(BUILTIN_SCENES))
+def test_builtin_scene_renders_without_holes(runtime: Runtime, name: str) -> None:
+    built = BUILTIN_SCENES[name]()
+    frame = render(
+        built.scene,
+        built.camera(80, 60),
+        built.lights,
+        bounces=0,
+        ao_radius=built.ao_radius,
+        shadow_size=256,
+        runtime=runtime,
+    )
+    assert np.isfinite(frame.radiance).all()
+    assert frame.radiance.min() >= 0.0
+    lit = (frame.radiance > 0.0).any(axis=-1)
+    # The Cornell box is closed, dark where only bounced light would reach; the hall has a sky.
+    assert lit.mean() > 0.15
+    assert frame.image.std() > 10.0
+
+
+def test_radiance_is_that_of_the_float64_references_of_the_frames_own_inputs(runtime: Runtime, small: Scene) -> None:
+    camera = viewer()
+    frame = render(small, camera, LIGHTS, bounces=0, gbuffer=True, shadow_size=1024, runtime=runtime)
+    assert frame.gbuffer is not None
+    assert frame.ao is not None
+    rsms = [
+        None if isinstance(light, Environment) else gi.rasterize.rsm(small, light, size=1024, runtime=runtime)
+        for light in LIGHTS
+    ]
+    expected = shade_reference(frame.gbuffer, LIGHTS, shadow_maps=rsms, ao=frame.ao)
+    wrong = ~(np.abs(frame.radiance - expected) <= 1e-5 * expected.max())
+    # Fitted maps have other texels than whole ones. A texel at the limit of a shadow, or a point at
+    # the edge of the cone: 6 of 3072 pixels.
+    assert wrong.any(axis=-1).mean() < 2e-3
+    image = encoded_reference(frame.radiance, frame.exposure)
+    assert np.abs(frame.image - image).max() <= 0.5 + 1e-3  # rounded to whole values
+
+
+def test_gbuffer_is_that_of_the_rasteriser(runtime: Runtime, small: Scene) -> None:
+    frame = render(small, viewer(), [SKY], bounces=0, gbuffer=True, layers=2, overscan=0.1, runtime=runtime)
+    expected = gi.rasterize.gbuffer(small, viewer(), layers=2, overscan=0.1, runtime=runtime)
+    assert frame.gbuffer is not None
+    assert frame.gbuffer.layers == 2
+    assert frame.gbuffer.margin == (5, 7)
+    for name in ("depth", "normal", "albedo", "emission"):
+        np.testing.assert_array_equal(getattr(frame.gbuffer, name), getattr(expected, name))
+
+
+def test_layers_and_overscan_do_not_change_what_they_do_not_concern(runtime: Runtime, small: Scene) -> None:
+    plain = render(small, viewer(), [SUN, LAMP], bounces=0, shadow_size=128, runtime=runtime)
+    more = render(small, viewer(), [SUN, LAMP], bounces=0, shadow_size=128, layers=2, overscan=0.2, runtime=runtime)
+    # The margin moves the origin of pixel positions, which round by 2^-24.
+    wrong = np.abs(plain.radiance - more.radiance) > 1e-5 * plain.radiance.max()
+    assert wrong.mean() < 2e-3  # edges of triangles and shadows
+
+
+# ---- what a frame leaves out
+
+
+def test_ao_is_skipped_with_a_reason_where_there_is_no_ambient_light(runtime: Runtime, small: Scene) -> None:
+    for lights in ([SUN], [SUN, Environment(0.0)], []):
+        frame = render(small, viewer(), lights, bounces=0, shadow_size=64, runtime=runtime)
+        assert frame.ao is None
+        assert skipped(frame)["gtao"] == "no ambient light for it to dim"
+        assert "gtao" not in names(frame)
+
+
+def test_ao_is_left_out_if_not_asked_for(runtime: Runtime, small: Scene) -> None:
+    frame = render(small, viewer(), [SKY], bounces=0, ao=False, runtime=runtime)
+    assert frame.ao is None
+    assert frame.gbuffer is None
+    assert not {"ssao", "gtao"} & {p.name for p in frame.passes}
+
+
+def test_skipped_ao_gives_bit_identical_results_as_none(runtime: Runtime, small: Scene) -> None:
+    a = render(small, viewer(), [SUN], bounces=0, shadow_size=64, runtime=runtime)
+    b = render(small, viewer(), [SUN], bounces=0, ao=False, shadow_size=64, runtime=runtime)
+    np.testing.assert_array_equal(a.radiance, b.radiance)
+
+
+def test_light_that_emits_nothing_draws_no_shadow_map(runtime: Runtime, small: Scene) -> None:
+    dark = PointLight((0, 1, 0), 0.0)
+    options: dict[str, Any] = {"shadow_size": 64, "skips": ("dark", "maps"), "runtime": runtime}
+    none = render(small, viewer(), [SKY], bounces=0, **options)
+    frame = render(small, viewer(), [dark, SKY], bounces=0, **options)
+    assert skipped(frame) == {"light point": "it emits nothing"}
+    assert names(frame) == names(none)
+    np.testing.assert_array_equal(frame.radiance, none.radiance)
+
+
+def test_no_light_leaves_what_glows_by_itself(runtime: Runtime, small: Scene) -> None:
+    frame = render(small, viewer(), [], bounces=0, gbuffer=True, runtime=runtime)
+    assert frame.gbuffer is not None
+    np.testing.assert_array_equal(frame.radiance, np.asarray(frame.gbuffer.emission))
+    assert frame.radiance.any()
+
+
+# ---- ambient occlusion by each technique, and indirect light
+
+
+@pytest.mark.parametrize("name", ["ssao", "hbao", "gtao", "bitmask_ao"])
+def test_ao_is_that_of_the_technique_with_the_gbuffers_layers_and_margin(
+    runtime: Runtime, small: Scene, name: str
+) -> None:
+    frame = render(
+        small, viewer(), [SKY], bounces=0, ao=name, ao_radius=0.3, layers=2, overscan=0.1, gbuffer=True, runtime=runtime
+    )
+    assert frame.gbuffer is not None
+    assert frame.ao is not None
+    by_hand = TECHNIQUES[name].function(frame.gbuffer, radius=0.3, runtime=runtime)
+    np.testing.assert_array_equal(frame.ao, by_hand)
+    assert frame.ao.min() < 0.9
+    assert name in names(frame)
+
+
+def box(runtime: Runtime, **options: Any) -> Frame:
+    """Return a small picture of the Cornell box, lit by its light alone."""
+    built = BUILTIN_SCENES["cornell_box"]()
+    given = {"shadow_size": 128, "exposure": 1.0, "runtime": runtime, **options}
+    return render(built.scene, built.camera(64, 48), built.lights, bounces=0, **given)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"indirect": True},
+        pytest.param({"indirect": "vpl"}, marks=pytest.mark.slow),
+        {"indirect": "vpl", "layers": 2},
+        {"indirect": "gather"},
+    ],
+    ids=str,
+)
+def test_indirect_light_brightens_what_the_light_does_not_reach(
+    variant_runtime: Runtime, options: dict[str, Any]
+) -> None:
+    direct = box(variant_runtime, layers=options.get("layers", 1))
+    frame = box(variant_runtime, gbuffer=True, **options)
+    assert direct.indirect is None
+    assert frame.indirect is not None
+    assert frame.gbuffer is not None
+    dark = np.isfinite(frame.gbuffer.first("depth")) & ~direct.radiance.any(axis=-1)
+    assert dark.mean() > 0.1
+    assert (frame.radiance[dark].max(axis=-1) > 0.0).mean() > 0.9
+    # What is added is albedo / pi times the irradiance, and nothing else; float32 roundings.
+    added = np.asarray(frame.gbuffer.albedo) / math.pi * frame.indirect
+    np.testing.assert_allclose(frame.radiance, direct.radiance + added, rtol=1e-5, atol=1e-6 * frame.radiance.max())
+
+
+@pytest.mark.parametrize("layers", [1, 2])
+def test_indirect_light_is_that_of_vpls_shot_by_hand(runtime: Runtime, layers: int) -> None:
+    frame = box(runtime, indirect="vpl", vpls=300, layers=layers, gbuffer=True)
+    built = BUILTIN_SCENES["cornell_box"]()
+    assert frame.indirect is not None
+    assert frame.gbuffer is not None
+    by_hand = gi.vpl_splat(
+        frame.gbuffer,
+        gi.rasterize.rsm(built.scene, built.lights[0], size=128, runtime=runtime),
+        300,
+        0.0,
+        interleave=True,
+        visibility=True,
+        scene=built.scene,
+        runtime=runtime,
+    )
+    # Maps drawn on the device and uploaded ones differ by roundings of float32.
+    assert frame.indirect.mean(dtype=float) == pytest.approx(by_hand.mean(dtype=float), rel=1e-5)
+
+
+@pytest.mark.parametrize(("layers", "overscan"), [pytest.param(1, 0.0, marks=pytest.mark.slow), (2, 0.1)])
+def test_near_light_is_that_of_ssdo_by_hand(runtime: Runtime, layers: int, overscan: float) -> None:
+    built = BUILTIN_SCENES["cornell_box"]()
+    lights = [*built.lights, SKY]
+    frame = render(
+        built.scene,
+        built.camera(64, 48),
+        lights,
+        indirect="ssdo",
+        ao_radius=0.1,
+        layers=layers,
+        overscan=overscan,
+        shadow_size=128,
+        gbuffer=True,
+        runtime=runtime,
+    )
+    assert frame.gbuffer is not None
+    assert frame.indirect is not None
+    assert frame.ao is None
+    assert skipped(frame)["ambient occlusion"] == "ssdo hides ambient light by itself"
+    rsm = gi.rasterize.rsm(built.scene, built.lights[0], size=128, runtime=runtime)
+    direct, bounce = gi.ssdo(
+        frame.gbuffer, lights, 0.1, shadow_maps=[rsm, None], resolution="half", emission=False, runtime=runtime
+    )
+    # Maps drawn on the device and uploaded ones differ by roundings of float32.
+    assert frame.indirect.mean(dtype=float) == pytest.approx(bounce.mean(dtype=float), rel=1e-4)
+    inner = {n: frame.gbuffer.inner(frame.gbuffer.first(n)) for n in ("albedo", "emission")}
+    radiance = inner["albedo"] / math.pi * (direct + bounce) + inner["emission"]
+    there = np.isfinite(frame.gbuffer.inner(frame.gbuffer.first("depth")))
+    assert 0.1 < there.mean() < 1.0
+    wrong = np.abs(frame.radiance - radiance)[there] > 1e-4 * radiance.max()
+    assert wrong.mean() < 0.01  # pixels at the edge of a shadow's texel
+    sky = np.broadcast_to(np.asarray(SKY.radiance, np.float32), frame.radiance.shape)
+    np.testing.assert_array_equal(frame.radiance[~there], sky[~there])
+
+
+def test_auxiliary_cameras_show_ssdo_more_that_sends_light(runtime: Runtime) -> None:
+    few, more = (box(runtime, indirect="ssdo", ao_radius=0.5, auxiliary_cameras=count) for count in (0, 2))
+    assert few.indirect is not None
+    assert more.indirect is not None
+    assert more.indirect.mean() > 1.005 * few.indirect.mean()
+    assert names(more).count("ssdo view") == 2
+    again = box(runtime, indirect="ssdo", ao_radius=0.5, auxiliary_cameras=2)
+    np.testing.assert_array_equal(more.radiance, again.radiance)
+
+
+def test_indirect_light_of_several_lights_is_the_sum_of_theirs(runtime: Runtime, small: Scene) -> None:
+    def bounced(lights: list[Light], way: str) -> float:
+        frame = render(small, viewer(), lights, indirect=way, vpls=4096, shadow_size=128, runtime=runtime)
+        assert frame.indirect is not None
+        return float(frame.indirect.mean(dtype=float))
+
+    # The samples are shared among the lights: measured 2.7 % (vpl, whose lights share shadow rays)
+    # and 3.5 % (gather).
+    for way, share in (("multires", 0.03), ("vpl", 0.035), ("gather", 0.06)):
+        alone = sum(bounced([punctual_light], way) for punctual_light in (SUN, LAMP, SPOT))
+        assert bounced([SUN, SKY, LAMP, SPOT], way) == pytest.approx(alone, rel=share)
+
+
+def test_no_light_reflects_nothing_and_says_so(runtime: Runtime, small: Scene) -> None:
+    plain = render(small, viewer(), [SKY], bounces=0, runtime=runtime)
+    ways = {"multires": "multires splat", "vpl": "vpl splat", "gather": "rsm gather"}
+    for way, name in ways.items():
+        frame = render(small, viewer(), [SKY], indirect=way, runtime=runtime)
+        assert frame.indirect is None
+        assert skipped(frame) == {name: "no light that a map could be made of"}
+        assert names(frame) == names(plain)
+        np.testing.assert_array_equal(frame.radiance, plain.radiance)
+
+
+@pytest.mark.parametrize("way", ["multires", "vpl"])
+def test_all_triangles_block_reflected_light_whatever_layers_there_are(runtime: Runtime, way: str) -> None:
+    one, two = (box(runtime, indirect=way, layers=layers, gbuffer=True) for layers in (1, 2))
+    built = BUILTIN_SCENES["cornell_box"]()
+    seen = gi.rasterize.rsm(built.scene, built.lights[0], size=128, runtime=runtime)
+    free = gi.vpl_splat(one.gbuffer, seen, 1024, 0.0, runtime=runtime)
+    assert one.indirect is not None
+    np.testing.assert_array_equal(one.indirect, two.indirect)
+    # Light that walls let through is 15 to 19 % more, by paths too.
+    assert 0.78 < one.indirect.mean() / free.mean() < 0.92
+    for frame in (one, two):
+        assert (frame.levels is None) == (way == "vpl")
+        if frame.levels is not None:
+            assert frame.levels.shape == (48, 64)
+            assert set(np.unique(frame.levels)) <= {0, 1, 2, 4, 8, 16, 32}
+            assert frame.levels.any()
+
+
+@pytest.mark.parametrize("way", ["multires", "vpl", "gather"])
+def test_a_light_that_lights_nothing_leaves_the_light_of_the_others(runtime: Runtime, small: Scene, way: str) -> None:
+    away = SpotLight((0.2, 1.5, 0.3), (0.0, 1.0, 0.0), 0.3, 1.0)
+    options: dict[str, Any] = {"indirect": way, "shadow_size": 64, "runtime": runtime}
+    alone = render(small, viewer(), [LAMP], bounces=0, **options)
+    both = render(small, viewer(), [LAMP, away], bounces=0, **options)
+    assert alone.indirect is not None
+    assert both.indirect is not None
+    assert skipped(both)["bounce spot"] == "it lights nothing that reflects"
+    np.testing.assert_array_equal(alone.indirect, both.indirect)
+    nothing = render(small, viewer(), [away], bounces=0, **options)
+    assert nothing.indirect is None
+    assert not any(name.startswith(("vpl", "multires", "rsm gather")) for name in names(nothing))
+
+
+@pytest.mark.parametrize(
+    "options", [{"indirect": "multires"}, {"indirect": "vpl", "layers": 2}, {"indirect": "gather"}], ids=str
+)
+def test_frames_with_indirect_light_repeat_and_allocate_nothing(
+    runtime: Runtime, small: Scene, options: dict[str, Any]
+) -> None:
+    given = {"shadow_size": 64, "runtime": runtime, **options}
+    first = render(small, viewer(), LIGHTS, bounces=0, **given)
+    before = runtime.allocated_bytes, runtime.builds
+    again = render(small, viewer(), LIGHTS, bounces=0, **given)
+    assert (runtime.allocated_bytes, runtime.builds) == before
+    assert first.indirect is not None
+    assert again.indirect is not None
+    np.testing.assert_array_equal(first.indirect, again.indirect)
+    np.testing.assert_array_equal(first.image, again.image)
+
+
+# ---- repeating
+
+
+def test_two_frames_have_bit_identical_results(runtime: Runtime, small: Scene) -> None:
+    a, b = (
+        render(small, viewer(), LIGHTS, bounces=0, gbuffer=True, shadow_size=128, runtime=runtime) for _ in range(2)
+    )
+    assert a.ao is not None
+    assert b.ao is not None
+    np.testing.assert_array_equal(a.image, b.image)
+    np.testing.assert_array_equal(a.radiance, b.radiance)
+    np.testing.assert_array_equal(a.ao, b.ao)
+    assert a.exposure == b.exposure
+
+
+def test_steady_frames_allocate_no_device_memory_and_compile_nothing(runtime: Runtime, small: Scene) -> None:
+    renderer = Renderer(
+        runtime, (48, 64), FrameParams(bounces=0, ao=SsaoParams(radius=0.3), shadow_size=128, layers=2, overscan=0.0625)
+    )
+    first = renderer(small, viewer(), LIGHTS)
+    before = runtime.allocated_bytes, runtime.builds
+    for step in range(3):
+        moved = Camera.look_at((1.2 - 0.1 * step, 1, 1.8), (0, 0.3, 0), width=64, height=48)
+        frame = renderer(small, moved, LIGHTS)
+        if step == 0:
+            np.testing.assert_array_equal(frame.image, first.image)
+    assert (runtime.allocated_bytes, runtime.builds) == before
+
+
+def test_render_prepares_once_for_the_same_size_and_settings(runtime: Runtime, small: Scene) -> None:
+    render(small, viewer(), LIGHTS, bounces=0, shadow_size=128, runtime=runtime)
+    before = runtime.allocated_bytes, runtime.builds
+    render(small, viewer(), LIGHTS, bounces=0, shadow_size=128, runtime=runtime)
+    assert (runtime.allocated_bytes, runtime.builds) == before
+
+
+def test_a_frame_does_not_depend_on_the_frames_before(runtime: Runtime, small: Scene) -> None:
+    renderer = Renderer(runtime, (48, 64), FrameParams(bounces=0, ao=SsaoParams(radius=0.3), shadow_size=128))
+    fresh = renderer(small, viewer(), [SUN, SKY])
+    renderer(small, viewer(), [LAMP, SPOT, SUN, SKY], exposure=3.0)
+    renderer(small, viewer(), [])
+    again = renderer(small, viewer(), [SUN, SKY])
+    np.testing.assert_array_equal(fresh.radiance, again.radiance)
+    np.testing.assert_array_equal(fresh.image, again.image)
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 40), (3, 2), (5, 3), (17, 31), (31, 17)], ids=str)
+def test_odd_sizes(variant_runtime: Runtime, small: Scene, size: tuple[int, int]) -> None:
+    frame = render(
+        small, viewer(size[1], size[0]), LIGHTS, bounces=0, shadow_size=64, overscan=0.3, runtime=variant_runtime
+    )
+    assert frame.image.shape == (*size, 3)
+    assert np.isfinite(frame.radiance).all()
+    assert frame.exposure == auto_exposure(frame.radiance)
+
+
+def test_every_kernel_variant_draws_the_same_picture(runtime: Runtime, variant_runtime: Runtime, small: Scene) -> None:
+    a = render(small, viewer(), LIGHTS, bounces=0, shadow_size=128, runtime=runtime)
+    b = render(small, viewer(), LIGHTS, bounces=0, shadow_size=128, runtime=variant_runtime)
+    off = np.abs(a.image.astype(int) - b.image).max(axis=-1)
+    # A value may round to the next; where a device's division is not exact an edge may move.
+    assert np.mean(off > 1) < 2e-3
+
+
+def test_far_from_the_origin_the_picture_is_the_same(runtime: Runtime, small: Scene) -> None:
+    shift = np.array([1e6, -2e6, 5e5])
+    moved = Scene(
+        origin=shift,
+        positions=small.positions,
+        normals=small.normals,
+        uvs=small.uvs,
+        colors=small.colors,
+        triangles=small.triangles,
+        material_ids=small.material_ids,
+        materials=small.materials,
+    )
+    lights: list[Light] = [
+        SUN,
+        SKY,
+        PointLight(np.asarray(LAMP.position) + shift, LAMP.intensity),
+        SpotLight(np.asarray(SPOT.position) + shift, SPOT.direction, 0.8, SPOT.intensity),
+    ]
+    camera = Camera.look_at(np.add(shift, (1.2, 1.0, 1.8)), np.add(shift, (0, 0.3, 0)), width=64, height=48)
+    a = render(small, viewer(), LIGHTS, bounces=0, shadow_size=128, runtime=runtime)
+    b = render(moved, camera, lights, bounces=0, shadow_size=128, runtime=runtime)
+    # Positions of 1e6 in float64 round by 1e-10: edges may fall to the next pixel or texel.
+    assert np.mean(np.abs(a.image.astype(int) - b.image).max(axis=-1) > 1) < 5e-3
+
+
+# ---- exposure and curve
+
+
+def test_exposure_and_curve_are_those_given(runtime: Runtime, small: Scene) -> None:
+    for curve in ("clip", "filmic"):
+        frame = render(small, viewer(), [SUN], bounces=0, exposure=0.5, curve=curve, shadow_size=64, runtime=runtime)
+        assert frame.exposure == 0.5
+        expected = encoded_reference(frame.radiance, 0.5, curve)
+        assert np.abs(frame.image - expected).max() <= 0.5 + 1e-3  # rounded to whole values
+
+
+@pytest.mark.parametrize("power", [1e-6, 1e6])
+def test_automatic_exposure_undoes_the_brightness_of_the_light(runtime: Runtime, small: Scene, power: float) -> None:
+    dull = Scene(
+        positions=small.positions,
+        normals=small.normals,
+        uvs=small.uvs,
+        colors=small.colors,
+        triangles=small.triangles,
+        material_ids=np.zeros(4, np.int32),
+    )
+    a = render(dull, viewer(), [SKY], bounces=0, runtime=runtime)
+    b = render(dull, viewer(), [Environment(power * np.asarray(SKY.radiance))], bounces=0, runtime=runtime)
+    assert np.abs(a.image.astype(int) - b.image).max() <= 1  # a value may round to the next
+
+
+# ---- bad input
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"scene": "room.glb"}, TypeError, r"scene is str: expected a Scene"),
+        ({"camera": None}, TypeError, r"camera is None: expected an ssgi_cl.Camera"),
+        ({"lights": [None]}, TypeError, r"lights\[0\] is NoneType: expected a light"),
+        ({"layers": 0}, ValueError, r"layers is 0: expected an integer >= 1 and <= 16"),
+        ({"layers": 17}, ValueError, r"layers is 17"),
+        ({"layers": 1.5}, TypeError, r"layers is 1.5: expected an integer"),
+        ({"overscan": -0.1}, ValueError, r"overscan is -0.1: expected a number >= 0"),
+        ({"overscan": math.nan}, ValueError, r"overscan is nan"),
+        ({"shadow_size": 8}, ValueError, r"shadow_size is 8: expected an integer >= 16.*texels"),
+        ({"shadow_size": 8193}, ValueError, r"shadow_size is 8193"),
+        ({"rsm_size": 8}, ValueError, r"rsm_size is 8: expected an integer >= 16.*texels"),
+        ({"exposure": 0}, ValueError, r"exposure is 0: expected a number > 0"),
+        ({"exposure": "bright"}, TypeError, r"exposure is 'bright'"),
+        ({"curve": "log"}, ValueError, r"curve is 'log': expected one of 'clip', 'filmic'"),
+        ({"ao_radius": -1.0}, ValueError, r"radius is -1.0: expected a number > 0.*scene units"),
+        ({"ao_radius": math.inf}, ValueError, r"radius is inf"),
+        ({"ao": "ssao", "ao_samples": 0}, ValueError, r"samples is 0: expected an integer >= 1"),
+        ({"ao_samples": 8}, ValueError, r"ao_samples is 8: expected None with ao=True"),
+        ({"ao": "hbao", "ao_samples": 8}, ValueError, r"ao_samples is 8: .* ao='hbao'"),
+        ({"ao": "yes"}, ValueError, r"ao is 'yes': expected one of 'ssao', 'hbao'"),
+        ({"ao": None}, TypeError, r"ao is None: expected True, False or the name"),
+        ({"indirect": "rays"}, ValueError, r"indirect is 'rays': expected one of 'multires', "),
+        ({"indirect": 1}, TypeError, r"indirect is 1: expected True, False, None or the name"),
+        ({"auxiliary_cameras": 4}, ValueError, r"auxiliary_cameras is 4: expected 0 with "),
+        ({"auxiliary_cameras": -1}, ValueError, r"auxiliary_cameras is -1"),
+        ({"indirect": "vpl", "vpls": 0}, ValueError, r"vpls is 0: expected an integer >= 1"),
+        ({"gbuffer": None}, TypeError, r"gbuffer is None: expected True or False"),
+        (
+            {"indirect": "ssdo", "multi_bounce": True},
+            ValueError,
+            r"multi_bounce is True: expected False with indirect='ssdo'",
+        ),
+    ],
+    ids=str,
+)
+def test_bad_argument_is_refused_with_its_name_and_what_is_allowed(
+    runtime: Runtime, small: Scene, arguments: dict[str, Any], error: type[Exception], message: str
+) -> None:
+    given: dict[str, Any] = {"scene": small, "camera": viewer(8, 6), "lights": [SKY], "runtime": runtime, **arguments}
+    with pytest.raises(error, match=message):
+        render(given.pop("scene"), given.pop("camera"), given.pop("lights"), bounces=0, **given)
+
+
+def test_camera_of_another_size_than_prepared_is_refused(runtime: Runtime, small: Scene) -> None:
+    renderer = Renderer(runtime, (6, 8))
+    with pytest.raises(ValueError, match=r"\(6, 8\)"):
+        renderer(small, viewer(9, 6), [SKY])

@@ -1,0 +1,70 @@
+"""Metal and roughness as albedo and a Phong lobe."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import ssgi_cl as gi
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.rasterize.files.metal_rough import LEAST_GLOSS, MOST_GLOSS, Lobe, metal_rough_lobe
+
+BASE = np.array((0.9, 0.5, 0.2))
+
+
+def test_a_metal_mirrors_its_colour_and_is_black_otherwise() -> None:
+    lobe = metal_rough_lobe(BASE, 1.0, 0.5)
+    assert lobe.matt == 0.0
+    assert lobe.specular == pytest.approx(BASE)
+    # GGX of a = 1/4 and a Phong lobe of 2 / a^2 - 2 = 30 are equally wide.
+    assert lobe.gloss == pytest.approx(30.0)
+
+
+def test_what_is_no_metal_mirrors_4_percent_of_what_its_albedo_leaves() -> None:
+    lobe = metal_rough_lobe(np.array((0.99, 0.5, 0.0)), 0.0, 0.5)
+    assert lobe.matt == 1.0
+    assert lobe.specular == pytest.approx((0.01, 0.04, 0.04))
+
+
+def test_rough_surfaces_are_matt() -> None:
+    assert metal_rough_lobe(BASE, 1.0, 1.0) == Lobe()
+    roughness = np.linspace(0.0, 1.0, 101)
+    gloss = [metal_rough_lobe(BASE, 1.0, r).gloss for r in roughness]
+    assert gloss[0] == MOST_GLOSS
+    assert all(a >= b for a, b in itertools.pairwise(gloss))
+    assert all(g == 1.0 or g >= LEAST_GLOSS for g in gloss)
+
+
+def test_numbers_beyond_their_range_count_as_the_nearest_within() -> None:
+    assert metal_rough_lobe(BASE, 7.0, -1.0) == metal_rough_lobe(BASE, 1.0, 0.0)
+
+
+def test_frames_without_lobes_take_metals_for_matt(runtime: Runtime) -> None:
+    built = gi.rasterize.scenes.make_scene("cornell_box")
+    metal = {"albedo": (0.0,) * 3, "specular": (0.5,) * 3, "gloss": 30.0}
+    matt = {"albedo": (0.5,) * 3}
+    frames = []
+    for change in (metal, matt):
+        materials = tuple(
+            m if m.emits else replace(m, **change)  # type: ignore[arg-type]
+            for m in built.scene.materials
+        )
+        scene = replace(built.scene, materials=materials)
+        for options in ({"bounces": 0}, {"indirect": "multires", "vpls": 64}):
+            frames.append(
+                gi.render(
+                    scene,
+                    built.camera(32, 24),
+                    built.lights,
+                    outputs=("radiance",),
+                    rsm_size=32,
+                    runtime=runtime,
+                    **options,  # type: ignore[arg-type]
+                ).radiance
+            )
+    for one, other in zip(frames[:2], frames[2:], strict=True):
+        np.testing.assert_array_equal(one, other)
+        assert one.mean() > 0.0

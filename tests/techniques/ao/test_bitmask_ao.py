@@ -1,0 +1,161 @@
+"""Bitmask AO: against GTAO, and its own parameters. What both share: test_slices.py."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.reference.ao.bitmask_ao import bitmask_reference, turn
+from ssgi_cl.techniques.ao.bitmask_ao import BitmaskParams, bitmask_ao
+from ssgi_cl.techniques.ao.gtao import gtao
+
+from ...closed_forms import hidden_by_wall
+from ..analytic import camera, scene, tilted, trace
+from ..walls import wall_and_floor
+
+
+def test_polynomial_of_the_sector_measure_is_as_accurate_as_it_says() -> None:
+    angle = np.linspace(0.0, np.pi, 2001)
+    c = np.cos(angle)
+    exact = c * np.sin(angle) + np.arcsin(c)
+    assert np.abs(turn(c) - exact).max() < 1.1e-3
+
+
+@pytest.mark.parametrize("kind", ["perspective", "orthographic"])
+def test_thick_surfaces_give_gtao(runtime: Runtime, rng: np.random.Generator, kind: str) -> None:
+    gbuffer = scene("bumpy", camera(kind), rng)
+    taps: dict[str, Any] = {"slices": 16, "taps": 48, "tap_power": 1.2, "blur_radius": 0, "runtime": runtime}
+    a = gtao(gbuffer, 0.6, **taps)
+    b = bitmask_ao(gbuffer, 0.6, thickness=1e3, joined=False, **taps)
+    # Rounded ends of 1/32, dithered, in 16 slices: off by at most half a sector, and by nothing on
+    # average (the polynomial's error is 1/500 of a sector). Measured: 0.0103.
+    assert np.abs(a - b).max() < 1 / 64
+    assert abs(float(np.mean(a - b))) < 1e-3
+
+
+def test_floor_by_an_infinite_wall_is_as_dark_as_the_formula_says(runtime: Runtime) -> None:
+    gbuffer, distance = wall_and_floor("perspective")
+    a = bitmask_ao(gbuffer, 1.0, 16, 48, joined=False, blur_radius=0, runtime=runtime)
+    for near, far in ((0.1, 0.2), (0.3, 0.4), (0.6, 0.7), (1.02, 1.2)):
+        there = (distance > near) & (distance < far)
+        wanted = [1.0 - hidden_by_wall(min(c, 1.0), "cosine", "none") for c in distance[there]]
+        # The highest point within the radius lies up to a tap, a 50th of the radius, beyond the
+        # highest tap: .0066 at most, half of it with twice the taps.
+        assert np.mean(a[there]) == pytest.approx(np.mean(wanted), abs=8e-3)
+
+
+@pytest.mark.parametrize("sectors", ["cosine", pytest.param("angle", marks=pytest.mark.slow)])
+def test_thinner_surfaces_let_more_light_pass(runtime: Runtime, rng: np.random.Generator, sectors: str) -> None:
+    gbuffer = scene("bumpy", camera(), rng)
+    images = [
+        bitmask_ao(gbuffer, 0.6, thickness=t, sectors=sectors, joined=False, blur_radius=0, runtime=runtime)
+        for t in (0.0, 0.05, 0.3, 2.0)
+    ]
+    for thin, thick in pairwise(images):
+        assert np.all(thick <= thin)  # of the same sectors, more are covered
+        assert np.mean(thin - thick) > 1e-3
+    # A surface without thickness covers no sector but by rounding, and that of both ends alike.
+    assert float(images[0].mean()) > 0.999
+
+
+@pytest.mark.parametrize(
+    ("params", "message"),
+    [
+        ({"thickness": -0.1}, r"thickness is -0.1: expected a number >= 0.*radii"),
+        ({"sectors": "equal"}, r"sectors is 'equal': expected one of 'cosine', 'angle'"),
+    ],
+)
+def test_bad_parameter_is_refused(
+    runtime: Runtime, rng: np.random.Generator, params: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        bitmask_ao(scene("corner", camera(size=(4, 4)), rng), runtime=runtime, **params)
+
+
+def test_joined_taps_find_what_lies_between_them_and_up_to_the_radius(runtime: Runtime) -> None:
+    gbuffer, distance = wall_and_floor("perspective")
+    joined, single = (
+        bitmask_ao(gbuffer, 1.0, joined=choice, blur_radius=0, runtime=runtime) for choice in (True, False)
+    )
+    there = (distance > 0.1) & (distance < 0.95)
+    wanted = np.array([1.0 - hidden_by_wall(c, "cosine", "none") for c in distance[there]])
+    # One plane and another that meet: 14 taps see both, so that nothing is left but the rounding
+    # of sectors, half of 1/32 in each of the 32 slices of a tile, and hundreds of pixels to average
+    # them.
+    assert float(np.mean(joined[there] - wanted)) == pytest.approx(0.0, abs=2e-3)
+    assert float(np.mean(single[there] - wanted)) > 0.01
+
+
+def test_joined_taps_do_not_bridge_a_silhouette(runtime: Runtime) -> None:
+    # A plate that floats more than a radius before a wall.
+    made = camera(size=(64, 64))
+    gbuffer = trace(made, [tilted(made, 0.0)])
+    depth = np.array(gbuffer.depth)
+    depth[20:44, 20:44] -= 1.5
+    plate = GBuffer(camera=made, depth=depth, normal=gbuffer.normal)
+    a = bitmask_ao(plate, 1.0, thickness=0.0, blur_radius=0, runtime=runtime)
+    # Nothing lies within the radius of anything else; a bridge to the plate would reach the wall.
+    np.testing.assert_array_equal(a, 1.0)
+
+
+ENDS: list[dict[str, Any]] = [{"joined": True, "end": "thickness"}, {"joined": False, "end": "layer"}]
+OTHER_ENDS: list[dict[str, Any]] = [{"joined": True, "end": "layer"}, {"joined": False, "end": "thickness"}]
+THIN = [
+    pytest.param(choice, kind, marks=() if fast else pytest.mark.slow)
+    for kind in ("perspective", "orthographic")
+    for choice in (*ENDS, *OTHER_ENDS)
+    for fast in [kind == "perspective" and choice in ENDS]
+]
+
+
+@pytest.mark.parametrize(("choice", "kind"), THIN, ids=str)
+def test_thickness_of_each_pixel_and_the_next_layer_agree_with_numpy_reference(
+    variant_runtime: Runtime, rng: np.random.Generator, choice: dict[str, Any], kind: str
+) -> None:
+    front = scene("bumpy", made := camera(kind, size=(31, 39)), rng, margin=(2, 3))
+    depth = np.asarray(front.depth)
+    thickness = rng.uniform(0.0, 0.4, depth.shape).astype(np.float32)
+    thickness[::5, ::3] = np.inf
+    deeper = depth + rng.uniform(0.05, 0.5, depth.shape).astype(np.float32)
+    gbuffer = GBuffer(camera=made, depth=np.stack([depth, deeper]), normal=front.normal, thickness=thickness)
+    params = {"radius": 0.6, "blur_radius": 0, **choice}
+    a = bitmask_ao(gbuffer, **params, runtime=variant_runtime)
+    wanted = bitmask_reference(gbuffer, BitmaskParams(**params))
+    # A sector or the radius may fall to the other side in a pixel or two.
+    assert np.mean(~(np.abs(a - wanted) <= 1e-5)) <= 2e-3
+
+
+def test_layers_behind_are_read_at_every_third_tap_of_a_wide_radius(runtime: Runtime, rng: np.random.Generator) -> None:
+    # The radius covers up to 60 px, so that all 24 taps lie in pixels of their own and those of the
+    # second layer are three apart; in the first, pieces are between neighbouring taps.
+    front = scene("bumpy", made := camera(size=(64, 80)), rng)
+    depth = np.asarray(front.depth)
+    deeper = depth + rng.uniform(0.05, 0.5, depth.shape).astype(np.float32)
+    gbuffer = GBuffer(camera=made, depth=np.stack([depth, deeper]), normal=front.normal)
+    params = {"radius": 3.0, "blur_radius": 0, "slack": 0.02}
+    a = bitmask_ao(gbuffer, **params, runtime=runtime)
+    wanted = bitmask_reference(gbuffer, BitmaskParams(**params))
+    # A sector or the radius may fall to the other side in a pixel or two of 5120; with the first
+    # layer's pieces as wide as the second's, 27 are off.
+    assert np.mean(~(np.abs(a - wanted) <= 1e-5)) <= 1e-3
+
+
+def test_even_thickness_is_that_of_the_parameter(runtime: Runtime, rng: np.random.Generator) -> None:
+    gbuffer = scene("bumpy", made := camera(), rng)
+    own = GBuffer(
+        camera=made,
+        depth=gbuffer.depth,
+        normal=gbuffer.normal,
+        thickness=np.full(np.shape(gbuffer.depth), 0.25 * 0.6, np.float32),
+    )
+    a = bitmask_ao(gbuffer, 0.6, thickness=0.25, blur_radius=0, runtime=runtime)
+    b = bitmask_ao(own, 0.6, thickness=3.0, blur_radius=0, runtime=runtime)
+    # One is a share of the radius, the other scene units: they round differently.
+    assert np.mean(np.abs(a - b) > 1e-5) <= 2e-3
+    thick = bitmask_ao(gbuffer, 0.6, thickness=3.0, blur_radius=0, runtime=runtime)
+    assert np.abs(a - thick).max() > 0.05

@@ -1,0 +1,162 @@
+"""Tone mapping: against its float64 reference, and what a picture must keep."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.reference.filters.tonemap import auto_exposure_reference, encoded_reference
+from ssgi_cl.techniques.filters.tonemap import CURVES, MIDDLE_GREY, Tonemap, auto_exposure, tonemap
+
+HALF_STEP = 0.5 + 1e-3
+"""Of 255: values are rounded to whole ones; the power is off by 2e-7, 255 times that is nothing."""
+
+
+def ramp(low: float, high: float, count: int = 4096) -> NDArray[np.float32]:
+    """Return a grey image of one row, from low to high by equal factors."""
+    grey = np.geomspace(low, high, count).astype(np.float32)
+    return np.repeat(grey[None, :, None], 3, axis=2)
+
+
+@pytest.mark.parametrize("curve", CURVES)
+@pytest.mark.parametrize("exposure", [1e-3, 1.0, 37.5])
+def test_every_kernel_variant_agrees_with_reference(
+    variant_runtime: Runtime, rng: np.random.Generator, curve: str, exposure: float
+) -> None:
+    radiance = np.exp(rng.normal(0.0, 4.0, (23, 37, 3))).astype(np.float32)
+    image = tonemap(radiance, exposure=exposure, curve=curve, runtime=variant_runtime)
+    assert image.dtype == np.uint8
+    assert image.shape == radiance.shape
+    expected = encoded_reference(radiance, exposure, curve)
+    assert np.abs(image - expected).max() <= HALF_STEP
+
+
+@pytest.mark.parametrize("curve", CURVES)
+def test_brighter_is_never_darker_in_the_picture(variant_runtime: Runtime, curve: str) -> None:
+    image = tonemap(ramp(1e-6, 1e6), exposure=1.0, curve=curve, runtime=variant_runtime)
+    assert np.all(np.diff(image[0, :, 0].astype(int)) >= 0)
+    assert image[0, 0, 0] == 0
+    assert image[0, -1, 0] == 255
+
+
+@pytest.mark.parametrize("curve", CURVES)
+def test_black_stays_black_and_the_brightest_is_white(variant_runtime: Runtime, curve: str) -> None:
+    radiance = np.array([[[0, 0, 0], [1e6] * 3, [3e38] * 3, [1e-38] * 3]], np.float32)
+    image = tonemap(radiance, exposure=1.0, curve=curve, runtime=variant_runtime)
+    np.testing.assert_array_equal(image[0, :, 0], [0, 255, 255, 0])
+
+
+def test_clip_is_the_srgb_encoding(runtime: Runtime) -> None:
+    # IEC 61966-2-1: 0.0031308 is where the straight part ends; 0.5 is 188, 0.18 is 118 (117.6).
+    grey = np.array([0.0, 0.0031308, 0.18, 0.5, 1.0, 1.0001], np.float32)
+    image = tonemap(np.repeat(grey[None, :, None], 3, 2), exposure=1.0, curve="clip", runtime=runtime)
+    np.testing.assert_array_equal(image[0, :, 1], [0, 10, 118, 188, 255, 255])
+
+
+def test_channels_do_not_mix(runtime: Runtime) -> None:
+    image = tonemap(np.array([[[0.5, 0, 0], [0, 0.5, 0], [0, 0, 0.5]]]), exposure=1.0, runtime=runtime)
+    assert np.all((image[0] > 0) == np.eye(3, dtype=bool))
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 2), (2, 3), (3, 3), (17, 31), (5, 65)], ids=str)
+def test_odd_sizes_agree_with_reference_at_automatic_exposure(
+    variant_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int]
+) -> None:
+    radiance = rng.random((*size, 3), np.float32)
+    image = tonemap(radiance, runtime=variant_runtime)
+    expected = encoded_reference(radiance, auto_exposure(radiance))
+    assert np.abs(image - expected).max() <= HALF_STEP
+
+
+# ---- automatic exposure
+
+
+@pytest.mark.parametrize("level", [1e-9, 0.18, 1.0, 1e6])
+def test_uniform_grey_is_exposed_to_middle_grey(level: float) -> None:
+    radiance = np.full((7, 9, 3), level, np.float32)
+    # The level itself rounds by 2^-24 in float32.
+    assert math.isclose(auto_exposure(radiance) * level, MIDDLE_GREY, rel_tol=1e-6)
+
+
+def test_automatic_exposure_is_that_of_all_pixels(rng: np.random.Generator) -> None:
+    radiance = np.exp(rng.normal(0.0, 1.0, (240, 320, 3))).astype(np.float32)
+    # Every ninth pixel counts: the mean of 8560 logs of deviation 0.7 is off by 0.008.
+    assert math.isclose(auto_exposure(radiance), auto_exposure_reference(radiance), rel_tol=4 * 0.008)
+
+
+def test_black_pixels_do_not_count_in_the_exposure() -> None:
+    radiance = np.zeros((30, 30, 3), np.float32)
+    assert auto_exposure(radiance) == 1.0
+    radiance[:, ::2] = 2.0
+    # Grey cards reflect 18 %.
+    assert math.isclose(auto_exposure(radiance), 0.09, rel_tol=1e-9)
+
+
+@pytest.mark.parametrize("columns", [1, 2, 3, 4])
+def test_automatic_exposure_of_narrow_images_takes_channels_for_channels(columns: int) -> None:
+    radiance = np.zeros((3, columns, 3), np.float32)
+    radiance[...] = [1.0, 0.0, 0.0]
+    # As the renderer passes it, too: channels first in memory.
+    first = np.moveaxis(np.ascontiguousarray(np.moveaxis(radiance, -1, 0)), 0, -1)
+    for image in (radiance, first):
+        assert math.isclose(auto_exposure(image), MIDDLE_GREY / 0.2126, rel_tol=1e-9)
+
+
+def test_exposure_scales_what_is_seen(runtime: Runtime, rng: np.random.Generator) -> None:
+    radiance = rng.random((9, 20, 3), np.float32)
+    np.testing.assert_array_equal(
+        tonemap(radiance, exposure=4.0, runtime=runtime), tonemap(4.0 * radiance, exposure=1.0, runtime=runtime)
+    )
+
+
+@pytest.mark.parametrize("exposure", [1e-300, 1e30, 1e300])
+def test_absurd_exposure_gives_black_or_white(runtime: Runtime, exposure: float) -> None:
+    image = tonemap(np.array([[[0.0] * 3, [1.0] * 3]]), exposure=exposure, runtime=runtime)
+    np.testing.assert_array_equal(image[0, :, 0], [0, 0 if exposure < 1 else 255])
+
+
+# ---- prepared, bad input
+
+
+def test_second_call_allocates_and_builds_nothing(variant_runtime: Runtime) -> None:
+    plane = variant_runtime.plane(3, (9, 20), 0.5)
+    technique = Tonemap(variant_runtime, (9, 20))
+    first = technique.run(plane, exposure=1.0)
+    before = variant_runtime.allocated_bytes, variant_runtime.builds
+    second = technique.run(plane, exposure=1.0)
+    assert (variant_runtime.allocated_bytes, variant_runtime.builds) == before
+    np.testing.assert_array_equal(first, second)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"radiance": np.full((2, 2, 3), np.nan)}, ValueError, r"radiance\[0, 0, 0\] is nan"),
+        ({"radiance": np.full((2, 2, 3), np.inf)}, ValueError, r"radiance\[0, 0, 0\] is inf"),
+        ({"radiance": -np.ones((2, 2, 3))}, ValueError, r"radiance\[0, 0, 0\] is -1.*W m\^-2"),
+        ({"radiance": np.ones((2, 2))}, ValueError, r"radiance has shape \(2, 2\): expected"),
+        ({"radiance": np.ones((2, 2, 4))}, ValueError, r"radiance has shape \(2, 2, 4\)"),
+        ({"radiance": np.ones((0, 2, 3))}, ValueError, r"at least one pixel"),
+        ({"radiance": "bright"}, TypeError, r"radiance has dtype"),
+        ({"radiance": np.ones((2, 2, 3), complex)}, TypeError, r"radiance has dtype complex"),
+        ({"exposure": 0.0}, ValueError, r"exposure is 0.0: expected a number > 0"),
+        ({"exposure": -1.0}, ValueError, r"exposure is -1.0: expected a number > 0"),
+        ({"exposure": math.nan}, ValueError, r"exposure is nan"),
+        ({"exposure": math.inf}, ValueError, r"exposure is inf"),
+        ({"exposure": "auto"}, TypeError, r"exposure is 'auto': expected a number"),
+        ({"curve": "aces"}, ValueError, r"curve is 'aces': expected one of 'clip', 'filmic'"),
+        ({"curve": None}, ValueError, r"curve is None: expected one of 'clip', 'filmic'"),
+    ],
+    ids=str,
+)
+def test_bad_argument_is_refused_with_its_name_and_what_is_allowed(
+    runtime: Runtime, arguments: dict[str, Any], error: type[Exception], message: str
+) -> None:
+    given: dict[str, Any] = {"radiance": np.ones((2, 2, 3)), **arguments}
+    with pytest.raises(error, match=message):
+        tonemap(given.pop("radiance"), runtime=runtime, **given)

@@ -1,0 +1,113 @@
+"""Radiance that surfaces send, by place and direction."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.core.lights import Environment, SpotLight
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.rasterize import rsm
+from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
+from ssgi_cl.techniques.radiosity.light_volume import CELLS, FAINT, LightVolume, SentLight
+from ssgi_cl.techniques.radiosity.radiosity import Radiosity, RadiosityParams
+from ssgi_cl.techniques.vpl.vpl_choice import on_device_rsms
+
+Doubles = NDArray[np.float64]
+
+
+def light(
+    position: list[list[float]], normal: list[list[float]], area: list[float], exitance: list[float]
+) -> SentLight:
+    flux = np.outer(np.multiply(area, exitance), np.ones(3))
+    return SentLight(np.array(position), np.array(normal, np.float64), np.array(area), flux)
+
+
+LOW, EXTENT = np.array((-1.0, 0.0, 3.0)), 4.0
+SIDE = EXTENT / CELLS
+
+
+def centre(x: int, y: int, z: int) -> list[float]:
+    """Return the middle of a cell."""
+    point: list[float] = (LOW + SIDE * (np.array((x, y, z)) + 0.5)).tolist()
+    return point
+
+
+def test_a_surface_sends_its_radiance_to_the_side_that_it_faces() -> None:
+    volume = LightVolume.of(light([centre(4, 5, 6)], [[0, 1, 0]], [0.004], [math.pi]), LOW, EXTENT)
+    np.testing.assert_allclose(volume.radiance[6, 5, 4, 2], 1.0)
+    np.testing.assert_allclose(volume.area[6, 5, 4], [FAINT, FAINT, 0.004 / SIDE**2, *[FAINT] * 3])
+    # Cells without a surface that faces a side take the nearest one's.
+    np.testing.assert_allclose(volume.radiance[..., 2, :], 1.0)
+    assert (volume.radiance[..., [0, 1, 3, 4, 5], :] == 0.0).all()
+
+
+def test_surfaces_in_one_cell_count_by_their_area() -> None:
+    both = light([centre(4, 5, 6)] * 2, [[1, 0, 0]] * 2, [0.001, 0.003], [math.pi, 5 * math.pi])
+    volume = LightVolume.of(both, LOW, EXTENT)
+    np.testing.assert_allclose(volume.radiance[6, 5, 4, 0], 4.0)
+
+
+def test_the_nearest_surface_counts_where_there_is_none() -> None:
+    two = light([centre(2, 5, 6), centre(20, 5, 6)], [[0, 0, -1]] * 2, [1e-3] * 2,
+                [math.pi, 3 * math.pi])  # fmt: skip
+    faced = LightVolume.of(two, LOW, EXTENT).radiance[6, 5, :, 5, 0]
+    np.testing.assert_allclose(faced[:11], 1.0)
+    np.testing.assert_allclose(faced[12:], 3.0)
+
+
+def test_a_slanted_surface_counts_for_the_sides_that_it_faces() -> None:
+    slanted = light([centre(4, 5, 6)], [[0.6, 0.0, -0.8]], [0.002], [math.pi])
+    volume = LightVolume.of(slanted, LOW, EXTENT)
+    np.testing.assert_allclose(volume.radiance[6, 5, 4, [0, 5]], 1.0)
+    np.testing.assert_allclose(volume.area[6, 5, 4, [0, 5]], np.array((0.36, 0.64)) * 0.002 / SIDE**2)
+
+
+def test_light_besides_is_added_and_never_more_than_its_own_surface_sends() -> None:
+    """A light on a sliver of surface, of which the pieces have caught little."""
+    own = light([centre(4, 5, 6)], [[0, 1, 0]], [1e-6], [math.pi])
+    also = light([centre(4, 5, 6)], [[0, 1, 0]], [1e-3], [2 * math.pi])
+    volume = LightVolume.of(own, LOW, EXTENT, also)
+    np.testing.assert_allclose(volume.radiance[6, 5, 4, 2], 3.0)
+
+
+def test_in_a_room_it_is_the_mean_radiance_of_its_surfaces(runtime: Runtime) -> None:
+    """A white furnace: all surfaces send the sky's radiance."""
+    built = BUILTIN_SCENES["hall"]()
+    scene = built.scene
+    radiosity = Radiosity(runtime, RadiosityParams(surfels=512))
+    assert radiosity.volume is None
+    radiosity.run(scene, [Environment(2.0)])
+    volume = radiosity.volume
+    assert volume is not None
+    assert radiosity.volume is volume
+    vpls = radiosity.vpls
+    assert vpls is not None
+    assert vpls.parts is not None
+    low = volume.low
+    cells = ((vpls.parts.position - low) / volume.side).astype(int)
+    assert (cells >= 0).all()
+    assert (cells <= CELLS).all()
+    # Power through all sides: the projected areas of pieces add up as 1 by their squares.
+    total = float((volume.radiance * volume.area[..., None])[volume.area > 2 * FAINT].sum())
+    sent = float(vpls.parts.flux.sum()) / math.pi / volume.side**2
+    assert abs(total / sent - 1.0) < 0.02  # what is fainter is left out
+
+
+def test_light_of_maps_that_surfaces_reflect_straight_is_in_it(runtime: Runtime) -> None:
+    built = BUILTIN_SCENES["parlour"]()
+    spot = next(one for one in built.lights if isinstance(one, SpotLight))
+    drawn = rsm(built.scene, spot, size=64, runtime=runtime)
+    (seen,) = on_device_rsms([drawn], runtime)
+    radiosity = Radiosity(runtime, RadiosityParams(surfels=512, bounces=1))
+    radiosity.run(built.scene, [], rsms=[seen])
+    volume, vpls = radiosity.volume, radiosity.vpls
+    assert volume is not None
+    assert vpls is not None
+    total = float((volume.radiance * volume.area[..., None])[volume.area > 2 * FAINT].sum())
+    bounced = float(vpls.flux.sum()) / math.pi / volume.side**2
+    straight = float(np.asarray(drawn.flux).sum()) / math.pi / volume.side**2
+    # What lies in cells without a surfel that faces as it does is lost.
+    assert bounced + 0.6 * straight < total < 1.1 * (bounced + straight)

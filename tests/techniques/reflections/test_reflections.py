@@ -1,0 +1,288 @@
+"""Reflections of glossy surfaces: the float64 reference, closed forms, what blocks rays, truth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.lights import Environment
+from ssgi_cl.core.scene import Material, Scene
+from ssgi_cl.device.gbuffer import on_device
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.rasterize.raster.device_scene import DeviceScene
+from ssgi_cl.reference.direct.shade import world_surface
+from ssgi_cl.reference.phong import Lobes
+from ssgi_cl.reference.reflections.reflections import Screen, added_reference, arriving_reference
+from ssgi_cl.techniques.occupancy.occupancy_grid import OccupancyGrid
+from ssgi_cl.techniques.radiosity.light_volume import CELLS, FACES, LightVolume
+from ssgi_cl.techniques.reflections.reflections import RAYS, STEPS, THICK_CELLS, Reflections
+
+from ..analytic import Ball, Plane, camera, trace
+
+Doubles = NDArray[np.float64]
+HALF = 8.0
+"""Half the side of the space that holds all, round the camera, scene units."""
+CUBE = 128
+"""Cells along a side of the occupancy grid."""
+
+
+def quads(*parts: Sequence[Sequence[float]]) -> Scene:
+    """Return a scene of parallelograms: corner and two edges each."""
+    points = []
+    for part in parts:
+        corner, first, second = (np.asarray(p, np.float64) for p in part)
+        points += [corner, corner + first, corner + first + second, corner + second]
+    faces = [[4 * i + k for k in t] for i in range(len(parts)) for t in ((0, 1, 2), (0, 2, 3))]
+    count = len(points)
+    return Scene(
+        positions=np.asarray(points, np.float32),
+        normals=np.zeros((count, 3), np.float32),
+        uvs=np.zeros((count, 2), np.float32),
+        colors=np.ones((count, 3), np.float32),
+        triangles=np.asarray(faces, np.int32),
+        material_ids=np.zeros(len(faces), np.int32),
+        materials=(Material(),),
+    )
+
+
+FAR_AWAY = quads(((500, 500, 500), (1, 0, 0), (0, 1, 0)))
+"""Nothing that any ray meets."""
+
+
+def even(value: float) -> LightVolume:
+    """Return a volume of surfaces that all send the same."""
+    shape = (CELLS, CELLS, CELLS, FACES)
+    return LightVolume(np.full(3, -HALF), 2.0 * HALF / CELLS, np.full((*shape, 3), value), np.ones(shape))
+
+
+def added(
+    runtime: Runtime,
+    gbuffer: GBuffer,
+    radiance: Doubles,
+    light: Doubles,
+    environment: Environment,
+    *,
+    blocks: Scene = FAR_AWAY,
+    volume: LightVolume | None = None,
+) -> NDArray[np.float32]:
+    """Return what `Reflections` adds to radiance, [rows, columns, 3]."""
+    device = on_device(gbuffer, runtime)
+    planes = [runtime.plane(3, device.size) for _ in range(2)]
+    for plane, values in zip(planes, (radiance, light), strict=True):
+        plane.upload(np.moveaxis(values, -1, 0).astype(np.float32))
+    with runtime.frame():
+        occupancy = OccupancyGrid(runtime, CUBE, device.size).fill_scene(
+            DeviceScene(runtime, blocks), gbuffer.camera.view, HALF, HALF
+        )
+        Reflections(runtime, device.size).run(
+            device,
+            planes[0],
+            light=planes[1],
+            lights=[environment],
+            shadows=[None],
+            occupancy=occupancy,
+            volume=volume or even(0.0),
+        )
+        after = planes[0].download()
+    return np.moveaxis(after, 0, -1) - radiance.astype(np.float32)
+
+
+def glossy(gbuffer: GBuffer, gloss: float, rng: np.random.Generator | None = None) -> GBuffer:
+    """Return the G-buffer with lobes everywhere, of one exponent, or random patches of it."""
+    size = np.asarray(gbuffer.depth).shape
+    specular = np.full((*size, 3), (0.5, 0.4, 0.3))
+    exponent = np.full(size, gloss)
+    if rng is not None:
+        patches = np.kron(rng.random((size[0] // 8 + 1, size[1] // 8 + 1)), np.ones((8, 8)))
+        patches = patches[: size[0], : size[1]]
+        specular[patches < 0.3] = 0.0
+        exponent[patches > 0.6] = 7.0
+    return replace(
+        gbuffer,
+        albedo=np.full((*size, 3), 0.2, np.float32),
+        specular=specular.astype(np.float32),
+        gloss=exponent.astype(np.float32),
+    )
+
+
+@pytest.mark.parametrize("kind", ["perspective", "orthographic"])
+def test_kernels_agree_with_the_reference(variant_runtime: Runtime, rng: np.random.Generator, kind: str) -> None:
+    """Of balls on a floor before an even sky, which nothing blocks but what is shown."""
+    made = camera(kind, (45, 61))
+    balls = [Ball((x, 0.1, z), 0.4) for x, z in ((-0.9, 0.2), (0.1, -0.5), (0.8, 0.6))]
+    gbuffer = glossy(trace(made, [Plane((0, -0.3, 0), (0, 1, 0)), *balls]), 90.0, rng)
+    size = (*made.size, 3)
+    radiance, light = rng.random(size), rng.random(size)
+    thick = THICK_CELLS * 2.0 * HALF / CUBE
+    screen = Screen.of(gbuffer, thick, 2.0 * HALF, STEPS)
+    sky = np.array((2.0, 1.0, 0.5))
+    arriving, meets = arriving_reference(screen, radiance, light, sky, RAYS)
+    assert 0.03 < meets.mean() < 0.6
+    expected = added_reference(gbuffer, arriving)
+    found = added(variant_runtime, gbuffer, radiance, light, Environment(sky))
+    # A ray that ends on a pixel's edge takes the next one's radiance, here any from 0 to 1, in
+    # float32: of 16 rays of a mean that is .06.
+    off = np.abs(found - expected).max(axis=-1)
+    assert (off < 2e-3).mean() > 0.85
+    assert np.quantile(off, 0.995) < 0.1
+    assert abs(float((found - expected).mean())) < 2e-3 * float(expected.mean())
+
+
+def test_sky_is_averaged_over_the_lobe(runtime: Runtime) -> None:
+    """A sky that grows linearly with height: its mean over a lobe is that of the lobe's axis times
+    (n + 1) / (n + 2)."""
+    rows = np.cos((np.arange(128) + 0.5) / 128 * np.pi)
+    sky = np.broadcast_to((1.0 + 0.9 * rows)[:, None, None], (128, 256, 3)).copy()
+    made = camera("perspective", (32, 48), eye=(0.0, 3.0, 1.5), target=(0.0, 0.0, 0.0))
+    for gloss in (300.0, 20.0):
+        gbuffer = glossy(trace(made, [Plane((0, -0.3, 0), (0, 1, 0))]), gloss)
+        zero = np.zeros((32, 48, 3))
+        found = added(runtime, gbuffer, zero, zero, Environment(sky))
+        lobes = Lobes.of(gbuffer, *world_surface(gbuffer)[:2])
+        mean = 1.0 + 0.9 * lobes.axis[..., 1:2] * (gloss + 1.0) / (gloss + 2.0)
+        inner = np.s_[4:-4, 4:-4]
+        # 16 rays of a lobe 13 degrees wide, whose sky differs by .2 within; texels of 1.4 degrees.
+        np.testing.assert_allclose(found[inner], (lobes.specular * mean)[inner], rtol=0.02 if gloss > 100 else 0.05)
+
+
+def test_no_sky_enters_a_closed_room(runtime: Runtime) -> None:
+    """Rays that leave the image in a closed room take what its surfaces send.
+
+    Pixels within six cells of two walls begin in the cells of both and may be taken for outside.
+    """
+    low, high = np.array((-2.0, -0.3, -2.0)), np.array((2.0, 2.5, 2.9))
+    x, y, z = ((high - low) * np.eye(3)).tolist()
+    a, b = low.tolist(), high.tolist()
+    down = [[-v for v in axis] for axis in (x, y, z)]
+    room = quads((a, x, y), (a, y, z), (a, x, z), (b, down[0], down[1]), (b, down[1], down[2]),
+                 (b, down[0], down[2]))  # fmt: skip
+    made = camera("perspective", (48, 64), eye=(0.3, 1.2, 2.0), target=(0.0, 0.0, -0.5))
+    planes = [Plane(a, n) for n in ((1, 0, 0), (0, 1, 0), (0, 0, 1))]
+    planes += [Plane(b, n) for n in ((-1, 0, 0), (0, -1, 0), (0, 0, -1))]
+    gbuffer = glossy(trace(made, planes), 2000.0)
+    size = (*made.size, 3)
+    found = added(
+        runtime, gbuffer, np.full(size, 3.0), np.zeros(size), Environment(1000.0), blocks=room, volume=even(3.0)
+    )
+    assert gbuffer.specular is not None
+    position = made.unproject(np.asarray(gbuffer.depth))
+    apart = np.sort(np.minimum(position - low, high - position), axis=-1)
+    found = found[apart[..., 1] > 6.0 * 2.0 * HALF / CUBE]
+    assert len(found) > 1000
+    expected = 3.0 * np.array((0.5, 0.4, 0.3))
+    # What of lobes lies below the surface is lost at grazing angles alone.
+    assert (found < expected * 1.001).all()
+    assert np.quantile(found / expected, 0.1) > 0.99
+    assert (found / expected).min() > 0.8
+
+
+def test_surfaces_count_by_how_large_they_appear(runtime: Runtime) -> None:
+    """In a volume whose surfaces that face along x are bright slivers, along z half as large."""
+    made = camera("perspective", (24, 32), eye=(0.0, 2.0, 2.0), target=(0.0, 0.0, 0.0))
+    gbuffer = glossy(trace(made, [Plane((0, -0.3, 0), (0, 1, 0))]), 1e5)
+    wall = quads(((-7, -1, -4.0), (14, 0, 0), (0, 6, 0)))
+    volume = even(0.0)
+    for face, radiance, area in ((0, 1e3, 1e-7), (1, 1e3, 1e-7), (2, 2.0, 1.0), (3, 2.0, 1.0),
+                                 (4, 6.0, 0.5), (5, 6.0, 0.5)):  # fmt: skip
+        volume.radiance[..., face, :] = radiance
+        volume.area[..., face] = area
+    zero = np.zeros((24, 32, 3))
+    found = added(runtime, gbuffer, zero, zero, Environment(0.0), blocks=wall, volume=volume)
+    lobes = Lobes.of(gbuffer, *world_surface(gbuffer)[:2])
+    y, z = np.abs(lobes.axis[..., 1]), np.abs(lobes.axis[..., 2])
+    expected = lobes.specular * ((2.0 * y + 6.0 * 0.5 * z) / (y + 0.5 * z))[..., None]
+    blocked = found[..., 0] > 0.0
+    assert blocked.mean() > 0.3
+    # All rays of a pixel and its neighbours that reach the wall; others find no sky.
+    inner = np.all([np.roll(blocked, k, 0) for k in range(-5, 6)], axis=0)
+    inner[:5], inner[-5:] = False, False
+    assert inner.sum() > 100
+    np.testing.assert_allclose(found[inner], expected[inner], rtol=0.03)
+
+
+def test_rays_pass_behind_what_is_no_thicker_than_surfaces_are_taken_to_be(runtime: Runtime) -> None:
+    """A ball close to the eye, in front of which no mirrored ray comes."""
+    made = camera("perspective", (45, 61), eye=(0.0, 1.0, 4.0), target=(0.0, 0.6, 0.0))
+    floor, ball = Plane((0, -0.3, 0), (0, 1, 0)), Ball((0.0, 1.0, 2.8), 0.25)
+    gbuffer = trace(made, [floor, ball])
+    depth = np.asarray(gbuffer.depth)
+    seen = made.unproject(np.where(np.isfinite(depth), depth, 1.0).astype(np.float32))
+    on_ball = (seen[..., 1] > 0.2) & np.isfinite(depth)
+    matt = glossy(gbuffer, 3000.0)
+    assert matt.specular is not None
+    matt = replace(matt, specular=np.where(on_ball[..., None], 0.0, matt.specular))
+    radiance = np.where(on_ball[..., None], 50.0, 0.0) * np.ones(3)
+    found = added(runtime, matt, radiance, np.zeros_like(radiance), Environment(1.0))
+    on_floor = np.isfinite(depth) & ~on_ball
+    behind = on_floor.copy()
+    behind[:, (~on_ball).all(axis=0)] = False
+    assert behind.sum() > 50
+    share = found[on_floor] / (0.5, 0.4, 0.3)
+    # Of the sky alone, a part of the lobe lies below the floor at its horizon.
+    assert share.min() > 0.8
+    assert share.max() < 1.001
+    assert (found[behind][:, 0] > 0.49).mean() > 0.9
+
+
+def test_a_ray_that_passes_behind_what_is_shown_does_not_reach_what_lies_beyond(runtime: Runtime) -> None:
+    """A table before a bright wall: its underside, which is not seen, is dark in the floor."""
+    made = camera("perspective", (60, 80), eye=(0.0, 1.1, 3.5), target=(0.0, 0.4, 0.0))
+    wall, floor = Plane((0, 0, -1.5), (0, 0, 1)), Plane((0, -0.3, 0), (0, 1, 0))
+    seen = [trace(made, [wall, floor]), trace(made, [Plane((0, 0.6, 0), (0, 1, 0))])]
+    depth = np.asarray(seen[1].depth, np.float64)
+    points = made.unproject(seen[1].depth)
+    table = (np.abs(points[..., 0]) < 1.0) & (np.abs(points[..., 2]) < 0.9) & np.isfinite(depth)
+    table &= depth < np.asarray(seen[0].depth)
+    gbuffer = glossy(
+        GBuffer(
+            camera=made,
+            depth=np.where(table, depth, seen[0].depth).astype(np.float32),
+            normal=np.where(table[..., None], (0.0, 1.0, 0.0), seen[0].normal).astype(np.float32),
+        ),
+        2000.0,
+    )
+    position = made.unproject(np.asarray(gbuffer.depth))
+    on_wall = position[..., 2] < -1.4
+    radiance = np.where(on_wall[..., None], 10.0, 0.0) * np.ones(3)
+    solid = quads(((-1.0, 0.6, -0.9), (2, 0, 0), (0, 0, 1.8)),
+                  ((-4, -0.3, -1.5), (8, 0, 0), (0, 5, 0)),
+                  ((-4, -0.3, -1.5), (8, 0, 0), (0, 0, 6)))  # fmt: skip
+    zero = np.zeros_like(radiance)
+    found = added(runtime, gbuffer, radiance, zero, Environment(0.0), blocks=solid)
+    # Floor points whose mirrored view ray crosses the table's plane within the table.
+    eye = made.position
+    to = position - eye
+    crossing = position + to * np.array((1, -1, 1)) * ((0.6 - position[..., 1:2]) / -to[..., 1:2])
+    is_floor = (position[..., 1] < -0.25) & ~on_wall
+    under = is_floor & (np.abs(crossing[..., 0]) < 0.8) & (np.abs(crossing[..., 2]) < 0.7)
+    beside = is_floor & (np.abs(crossing[..., 0]) > 1.4) & (position[..., 2] < -0.5)
+    assert under.sum() > 100
+    assert beside.sum() > 20
+    assert found[under].mean() < 0.1
+    assert found[beside].mean() > 2.0
+
+
+def test_what_is_matt_is_left_alone(runtime: Runtime, rng: np.random.Generator) -> None:
+    made = camera("perspective", (21, 37))
+    gbuffer = glossy(trace(made, [Plane((0, -0.3, 0), (0, 1, 0))]), 50.0, rng)
+    assert gbuffer.specular is not None
+    size = (*made.size, 3)
+    found = added(runtime, gbuffer, rng.random(size), rng.random(size), Environment(2.0))
+    matt = (np.asarray(gbuffer.specular) == 0.0).all(axis=-1)
+    assert 0 < matt.sum() < matt.size
+    assert (found[matt] == 0.0).all()
+    there = np.isfinite(np.asarray(gbuffer.depth))
+    assert (found[~matt & there].max(axis=-1) > 0.0).all()
+
+
+def test_an_empty_image_gets_nothing(runtime: Runtime) -> None:
+    made = Camera.look_at((0, 0, 3), (0, 0, 0), width=16, height=8)
+    empty = glossy(GBuffer(camera=made, depth=np.full((8, 16), np.inf, np.float32)), 50.0)
+    zero = np.zeros((8, 16, 3))
+    assert (added(runtime, empty, zero, zero, Environment(2.0)) == 0.0).all()

@@ -1,0 +1,270 @@
+"""Sampled lights: directions against integrals, the kernels against numpy, and what they skip."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import ssgi_cl as gi
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.environment_samples import sample_environments, texels
+from ssgi_cl.core.lights import Environment, PointLight
+from ssgi_cl.core.sample_views import interleaved, sample_views
+from ssgi_cl.core.scene import Material, Scene
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.reference.sampled_lights.sampled_lights import depth_map, sampled_lights_reference
+from ssgi_cl.techniques.sampled_lights.sampled_lights import SampledLights, SampledLightsParams, sampled_lights
+
+Doubles = NDArray[np.float64]
+
+
+def _scene(*, inside_out: bool = False, origin: float = 0.0) -> Scene:
+    """A floor with a table of one slab over a part of it."""
+    quads = [
+        [(-2, 0, -2), (-2, 0, 2), (2, 0, 2), (2, 0, -2)],
+        [(-0.7, 0.8, -0.6), (-0.7, 0.8, 0.9), (0.8, 0.8, 0.9), (0.8, 0.8, -0.6)],
+    ]
+    points = np.array(quads, np.float32).reshape(-1, 3)
+    triangles = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]], np.int32)
+    if inside_out:
+        triangles = triangles[:, ::-1]
+    return Scene(
+        origin=np.full(3, origin),
+        positions=points,
+        normals=np.tile(np.float32([0, 1, 0]), (8, 1)),
+        uvs=np.zeros((8, 2), np.float32),
+        colors=np.ones((8, 3), np.float32),
+        triangles=triangles,
+        material_ids=np.zeros(4, np.int32),
+    )
+
+
+def _camera(origin: float = 0.0) -> Camera:
+    eye = np.array([2.5, 2.2, 3.0]) + origin
+    return Camera.look_at(eye, np.full(3, origin), (0, 1, 0), yfov=0.8, width=45, height=34)
+
+
+def _sky(rng: np.random.Generator, rows: int = 16) -> Environment:
+    return Environment(rng.random((rows, 2 * rows, 3)) + 0.2)
+
+
+def _exact(radiance: Any, normal: Doubles) -> Doubles:
+    """The irradiance of a surface that nothing hides, by the midpoint rule."""
+    image = np.atleast_3d(np.asarray(radiance, np.float64).reshape(-1, 1, 3) if np.ndim(radiance) == 1 else radiance)
+    image = np.repeat(image, max(1, 512 // image.shape[0]), 0)
+    image = np.repeat(image, max(1, 1024 // image.shape[1]), 1)
+    towards, omega = texels(*image.shape[:2])
+    weighted: Doubles = np.einsum("ij,ijc->c", np.maximum(towards @ normal, 0.0) * omega, image)
+    return weighted
+
+
+GRADIENT = np.repeat(np.linspace(1.0, 0.0, 64)[:, None, None] * np.array([1.0, 2.0, 4.0]) + 0.05, 128, 1)
+
+
+@pytest.mark.parametrize("radiance", [np.ones(3), GRADIENT], ids=["constant", "gradient"])
+def test_directions_sum_to_the_irradiance_of_any_normal(radiance: Doubles, rng: np.random.Generator) -> None:
+    towards, flux = sample_environments([Environment(radiance)], 128)
+    assert towards.shape == flux.shape == (128, 3)
+    np.testing.assert_allclose(np.linalg.norm(towards, axis=1), 1.0, rtol=1e-12)
+    normals = rng.normal(size=(40, 3))
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    exact = np.array([_exact(radiance, n) for n in normals])
+    sums = np.maximum(normals @ towards.T, 0.0) @ flux
+    # 128 regions: one that crosses the horizon errs by half of itself at most.
+    assert np.abs(sums - exact).max() < 0.02 * exact.max()
+
+
+def test_all_flux_is_kept_by_any_size_of_image(rng: np.random.Generator) -> None:
+    for shape in ((1, 1), (1, 100000), (3000, 2), (7, 13)):
+        image = rng.random((*shape, 3)) * (rng.random((*shape, 1)) < 0.5) + 1e-3
+        _, flux = sample_environments([Environment(image)], 64)
+        _, omega = texels(*shape)
+        whole = (image * omega[..., None]).sum(axis=(0, 1))
+        # Rows of a block are not all of one solid angle.
+        np.testing.assert_allclose(flux.sum(axis=0), whole, rtol=2e-3)
+
+
+def test_two_environments_add_up(rng: np.random.Generator) -> None:
+    a, b = _sky(rng), Environment((1.0, 2.0, 3.0))
+    _, both = sample_environments([a, b], 32)
+    parts = [sample_environments([each], 32)[1].sum(axis=0) for each in (a, b)]
+    np.testing.assert_allclose(both.sum(axis=0), sum(parts), rtol=1e-9)
+
+
+def test_a_single_bright_texel_and_no_light_at_all() -> None:
+    image = np.zeros((64, 128, 3))
+    assert sample_environments([Environment(image)], 64)[0].shape == (0, 3)
+    image[20, 30] = 1e38
+    towards, flux = sample_environments([Environment(image)], 64)
+    assert len(towards) == 64
+    assert np.isfinite(flux).all()
+    assert flux.max() < 1e32
+    assert (towards @ texels(64, 128)[0][20, 30] > 0.99).all()
+
+
+@pytest.mark.parametrize("bad", [np.nan, -1.0, np.inf])
+def test_an_environment_refuses_texels_that_are_no_radiance(bad: float) -> None:
+    image = np.ones((4, 8, 3))
+    image[2, 3, 1] = bad
+    with pytest.raises(ValueError, match=r"radiance\[2, 3, 1\]"):
+        Environment(image)
+
+
+def test_each_pixel_of_a_tile_takes_one_of_every_16_neighbours() -> None:
+    order = interleaved(64)
+    assert order.shape == (4, 4, 4)
+    for group in range(4):
+        assert sorted(order[group].ravel()) == list(range(16 * group, 16 * group + 16))
+    assert len(set(order[:, 0, 0] % 16)) > 1
+
+
+@pytest.mark.parametrize("origin", [0.0, 5e4])
+def test_every_kernel_variant_agrees_with_the_numpy_reference(
+    runtime: Runtime, variant_runtime: Runtime, rng: np.random.Generator, origin: float
+) -> None:
+    scene, sky = _scene(origin=origin), _sky(rng)
+    params = SampledLightsParams(directions=32, map_size=48, blur=0)
+    for each in (runtime, variant_runtime):
+        gbuffer = gi.rasterize.gbuffer(scene, _camera(origin), overscan=0.1, runtime=each)
+        made = sampled_lights(gbuffer, [sky], scene=scene, directions=32, map_size=48, blur=0, runtime=each)
+        towards, flux = sample_environments([sky], params.count)
+        views, diagonals = sample_views(towards, scene.bounds - scene.origin, params.map_size)
+        wanted = sampled_lights_reference(
+            gbuffer, scene, towards, flux, views, diagonals, interleaved(params.count), params.map_size
+        )
+        # A tap that compares alike depths may fall either way; other differences are roundings.
+        off = np.abs(made - wanted).max(axis=-1) > 1e-3 * wanted.max()
+        assert off.mean() < 5e-3, off.mean()
+        assert 0.1 < (wanted.mean() / wanted.max()) < 0.9
+
+
+def test_maps_have_the_depth_of_numpy_in_every_texel(
+    runtime: Runtime, variant_runtime: Runtime, rng: np.random.Generator
+) -> None:
+    triangles = rng.permutation(300).reshape(100, 3).astype(np.int32)
+    middle = rng.uniform(-1.0, 1.0, (100, 1, 3))
+    size = rng.choice([0.02, 0.2, 1.0], (100, 1, 1))
+    points = np.zeros((300, 3), np.float32)
+    points[triangles] = middle + size * rng.uniform(-1.0, 1.0, (100, 3, 3))
+    scene = Scene(
+        positions=points,
+        normals=np.tile(np.float32([0, 1, 0]), (300, 1)),
+        uvs=np.zeros((300, 2), np.float32),
+        colors=np.ones((300, 3), np.float32),
+        triangles=triangles,
+        material_ids=np.zeros(100, np.int32),
+    )
+    for each in (runtime, variant_runtime):
+        device = DeviceGBuffer(each, _camera().size)
+        device.upload(gi.rasterize.gbuffer(scene, _camera(), runtime=each))
+        params = SampledLightsParams(directions=16, map_size=61)
+        technique = SampledLights(each, device.size, params)
+        with each.frame():
+            technique.run(device, [Environment(1.0)], scene=scene)
+        assert technique._maps is not None
+        maps = technique._maps.download().view(np.float32).reshape(16, 61, 61)
+        wanted = np.array([depth_map(scene, matrix, 61) for matrix in technique._views])
+        seen = np.isfinite(wanted)
+        assert 0.1 < seen.mean() < 0.9
+        # An edge within a rounding of a texel's middle falls to either side.
+        off = ~np.isclose(maps, wanted, rtol=1e-3, atol=1e-4)
+        assert off.mean() < 1e-3, off.mean()
+
+
+def test_bit_identical_results_from_run_to_run_and_when_drawn_anew(runtime: Runtime) -> None:
+    scene, sky = _scene(), Environment(1.0)
+    gbuffer = gi.rasterize.gbuffer(scene, _camera(), runtime=runtime)
+    first = sampled_lights(gbuffer, [sky], scene=scene, directions=32, runtime=runtime)
+    for again in (sky, Environment(1.0)):
+        now = sampled_lights(gbuffer, [again], scene=scene, directions=32, runtime=runtime)
+        np.testing.assert_array_equal(first, now)
+
+
+def test_an_open_floor_has_all_the_light_and_under_a_table_it_is_dark(runtime: Runtime) -> None:
+    scene = _scene()
+    down = Camera.look_at((0, 6, 0.01), (0, 0, 0), (0, 0, -1), yfov=0.7, width=64, height=64)
+    gbuffer = gi.rasterize.gbuffer(scene, down, runtime=runtime)
+    light = sampled_lights(gbuffer, [Environment(1.0)], scene=scene, runtime=runtime)[..., 0]
+    up = sample_environments([Environment(1.0)], 128)
+    unhidden = float(np.maximum(up[0][:, 1], 0.0) @ up[1][:, 0])
+    # The slab's upper side, away from its edge, sees all the sky.
+    np.testing.assert_allclose(light[30:34, 30:34], unhidden, rtol=0.02)
+    low = Camera.look_at((0.0, 0.4, 3.0), (0, 0.0, 0), (0, 1, 0), yfov=0.3, width=32, height=32)
+    under = sampled_lights(
+        gi.rasterize.gbuffer(scene, low, runtime=runtime), [Environment(1.0)], scene=scene, runtime=runtime
+    )[..., 0]
+    assert 0.1 < under[16, 16] / unhidden < 0.6
+
+
+def test_inside_out_changes_nothing(runtime: Runtime) -> None:
+    images = []
+    for inside_out in (False, True):
+        scene = _scene(inside_out=inside_out)
+        gbuffer = gi.rasterize.gbuffer(_scene(), _camera(), runtime=runtime)
+        images.append(sampled_lights(gbuffer, [Environment(1.0)], scene=scene, directions=32, runtime=runtime))
+    np.testing.assert_allclose(images[0], images[1], atol=1e-5)
+
+
+def test_without_an_environment_nothing_is_drawn(runtime: Runtime) -> None:
+    scene = _scene()
+    gbuffer = gi.rasterize.gbuffer(scene, _camera(), runtime=runtime)
+    device = DeviceGBuffer(runtime, gbuffer.size)
+    device.upload(gbuffer)
+    technique = SampledLights(runtime, gbuffer.size, SampledLightsParams(directions=16))
+    with runtime.frame():
+        for lights in ((), (PointLight((0, 1, 0), 1.0),), (Environment(0.0),)):
+            assert technique.run(device, lights, scene=scene) is None
+    assert technique._maps is None
+    assert technique.contact_radius == 0.0
+    assert not sampled_lights(gbuffer, [], scene=scene, runtime=runtime).any()
+
+
+def test_maps_are_kept_while_scene_and_environments_are_the_same(runtime: Runtime) -> None:
+    scene, sky = _scene(), Environment(1.0)
+    device = DeviceGBuffer(runtime, _camera().size)
+    device.upload(gi.rasterize.gbuffer(scene, _camera(), runtime=runtime))
+    technique = SampledLights(runtime, device.size, SampledLightsParams(directions=16, map_size=32))
+
+    def drawn(scene: Scene, sky: Environment) -> bool:
+        with runtime.frame():
+            technique.run(device, [sky], scene=scene)
+        names = [entry.name for entry in runtime.times() if not entry.skipped]
+        return "sampled lights maps" in names
+
+    assert drawn(scene, sky)
+    assert not drawn(scene, sky)
+    assert drawn(_scene(), sky)
+    assert technique.contact_radius > 0.0
+
+
+def test_holes_that_alpha_cuts_out_let_light_through(variant_runtime: Runtime) -> None:
+    # A sheet above a floor, half of it cut out, is a sheet of half the size.
+    runtime = variant_runtime
+    floor = np.array([[-2, 0, -2], [2, 0, -2], [2, 0, 2], [-2, 0, 2]], np.float32)
+    texels = np.full((8, 8, 4), 255, np.uint8)
+    texels[:, 4:, 3] = 0
+    maps = []
+    for right, textures in ((1.0, (texels,)), (0.0, ())):
+        sheet = np.array([[-1, 1, -1], [right, 1, -1], [right, 1, 1], [-1, 1, 1]], np.float32)
+        scene = Scene(
+            positions=np.concatenate([floor, sheet]), normals=np.zeros((8, 3), np.float32),
+            uvs=np.tile(np.float32([[0, 0], [1, 0], [1, 1], [0, 1]]), (2, 1)),
+            colors=np.ones((8, 3), np.float32), textures=textures,
+            triangles=np.int32([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]]),
+            material_ids=np.int32([0, 0, 1, 1]),
+            materials=(Material(), Material(texture=0, alpha_cutoff=0.5) if textures
+                       else Material()),
+        )  # fmt: skip
+        device = DeviceGBuffer(runtime, _camera().size)
+        device.upload(gi.rasterize.gbuffer(scene, _camera(), runtime=runtime))
+        technique = SampledLights(runtime, device.size, SampledLightsParams(directions=16, map_size=61))
+        with runtime.frame():
+            technique.run(device, [Environment(1.0)], scene=scene)
+        assert technique._maps is not None
+        maps.append(technique._maps.download().view(np.float32))
+    # Where the hole ends within a rounding of a texel's middle, it falls to either side.
+    assert (~np.isclose(*maps, rtol=1e-3, atol=1e-4)).mean() < 2e-3

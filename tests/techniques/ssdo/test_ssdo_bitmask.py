@@ -1,0 +1,262 @@
+"""The visibility bitmask as a back end of SSDO: against numpy, furnaces, invariances."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.lights import Environment
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.reference.ssdo.ssdo_bitmask import ssdo_bitmask_reference
+from ssgi_cl.techniques.ao.occlusion import RESOLUTIONS
+from ssgi_cl.techniques.direct.sky import Sky, filtered
+from ssgi_cl.techniques.filters.upsample import ReducedGBuffer
+from ssgi_cl.techniques.ssdo.ssdo_bitmask import SsdoBitmask, SsdoBitmaskParams
+
+from ..analytic import camera, scene
+from ..walls import wall_and_floor
+
+Floats = NDArray[np.float32]
+
+ROUNDING = 1e-5
+"""Of A, and of irradiance relative to that of a sky of the brightest radiance: the same arithmetic
+as bitmask AO's in float32."""
+FLIPS = 3e-3
+"""Share of pixels in which a tap, an end of its piece or a texel of the sky may fall to the other
+side of an edge: 3 of 1209."""
+
+
+def with_layers(rng: np.random.Generator, kind: str = "perspective", margin: tuple[int, int] = (2, 3)) -> GBuffer:
+    """Return a bumpy scene with a deeper layer behind half of its pixels."""
+    front = scene("bumpy", made := camera(kind, size=(31, 39)), rng, margin=margin)
+    depth = np.asarray(front.depth)
+    deeper = depth + rng.uniform(0.05, 0.5, depth.shape)
+    deeper[rng.random(depth.shape) < 0.5] = np.inf
+    return GBuffer(camera=made, depth=np.stack([depth, deeper]).astype(np.float32), normal=front.normal)
+
+
+def radiance_of(gbuffer: GBuffer, rng: np.random.Generator) -> Floats:
+    """Return [layers, rows, columns, 3] of random radiance, 0 where nothing is."""
+    depth = np.asarray(gbuffer.depth).reshape(gbuffer.layers, *gbuffer.depth.shape[-2:])
+    return np.where(np.isfinite(depth)[..., None], rng.random((*depth.shape, 3)), 0.0).astype(np.float32)
+
+
+def gathered(
+    runtime: Runtime,
+    gbuffer: GBuffer,
+    radiance: Floats | None = None,
+    environments: tuple[Environment, ...] = (),
+    *,
+    masks: bool = True,
+    **params: Any,
+) -> tuple[Floats, SsdoBitmask]:
+    """Return what the back end gathers, and itself."""
+    chosen = SsdoBitmaskParams(**params)
+    device = DeviceGBuffer(
+        runtime,
+        gbuffer.size,
+        layers=gbuffer.layers,
+        margin=gbuffer.margin,
+        attributes=gbuffer.layers if np.ndim(gbuffer.normal) == 4 else 1,
+    )
+    device.upload(gbuffer)
+    sent = None
+    if radiance is not None:
+        sent = runtime.plane(3 * len(radiance), device.whole)
+        sent.upload(np.moveaxis(radiance, -1, 1).reshape(-1, *device.whole))
+    sky = Sky(runtime)
+    sky.set(environments)
+    end = SsdoBitmask(runtime, gbuffer.size, chosen, gbuffer.margin, gbuffer.layers, masks=masks)
+    source: Any = device
+    step = RESOLUTIONS[chosen.resolution]
+    with runtime.frame():
+        if step > 1:
+            source = ReducedGBuffer(device, step)
+            source.update(device)
+        result = end.run(device, source, radiance=sent, sky=sky).download()
+    return result, end
+
+
+def image_sky(rng: np.random.Generator) -> Environment:
+    """Return an environment of random texels."""
+    return Environment(rng.random((8, 16, 3)))
+
+
+CHOICES: list[dict[str, Any]] = [
+    {"back": 0.7},
+    {"resolution": "half", "thickness": 0.1, "end": "layer", "slices": 1, "taps": 5, "cones": 3, "bent_normals": True},
+]
+
+
+@pytest.mark.parametrize("kind", ["perspective", "orthographic"])
+@pytest.mark.parametrize("choice", CHOICES, ids=str)
+def test_every_kernel_variant_agrees_with_numpy_reference(
+    variant_runtime: Runtime, rng: np.random.Generator, kind: str, choice: dict[str, Any]
+) -> None:
+    gbuffer, sky = with_layers(rng, kind), image_sky(rng)
+    radiance = radiance_of(gbuffer, rng)
+    if "back" not in choice:  # backs with radiance of their own, thickness and sides by pixel
+        radiance = np.concatenate([radiance, 0.5 * radiance_of(gbuffer, rng)])
+        thickness = rng.uniform(0.0, 0.2, np.shape(gbuffer.depth)[1:])
+        front = np.asarray(gbuffer.normal)
+        turned = np.where(rng.random(thickness.shape) < 0.7, -1.0, 1.0)[..., None]
+        normal = np.stack([front, front * turned]).astype(np.float32)
+        gbuffer = replace(gbuffer, thickness=thickness.astype(np.float32), normal=normal)
+    params = {"radius": 0.6, **choice}
+    found, _ = gathered(variant_runtime, gbuffer, radiance, (sky,), **params)
+    look_up = filtered(np.asarray(sky.radiance)).astype(np.float32).astype(np.float64)
+    wanted = ssdo_bitmask_reference(gbuffer, SsdoBitmaskParams(**params), radiance, look_up)
+    assert found.shape == wanted.shape
+    off = ~(np.abs(found - wanted) <= ROUNDING * np.pi)
+    # Which neighbour gives a pixel its slope may change by rounding, and with it what those around
+    # find: depths moved by 1e-7 change 2 to 22 of 1209 pixels of the orthographic reference itself.
+    most = FLIPS if kind == "perspective" else 1e-2
+    sky_first = 4 if "bent_normals" in choice else 1
+    looked_up = off[sky_first : sky_first + 3]
+    rest = np.concatenate([off[:sky_first], off[sky_first + 3 :]])
+    assert rest.any(axis=0).mean() <= most
+    # Each of up to 16 directions may lie on the edge of two texels of the sky's map.
+    assert looked_up.any(axis=0).mean() <= 5 * FLIPS
+
+
+def test_every_kernel_variant_gives_bit_identical_results(
+    runtime: Runtime, other_variant: Runtime, rng: np.random.Generator
+) -> None:
+    gbuffer, sky = with_layers(rng), image_sky(rng)
+    radiance = radiance_of(gbuffer, rng)
+    (one, first), (other, second) = (
+        gathered(device, gbuffer, radiance, (sky,), radius=0.6, back=0.7) for device in (runtime, other_variant)
+    )
+    np.testing.assert_array_equal(one, other)
+    assert first.masks is not None
+    assert second.masks is not None
+    np.testing.assert_array_equal(first.masks.download(), second.masks.download())
+
+
+@pytest.mark.parametrize("kind", ["perspective", "orthographic"])
+def test_bounce_in_a_furnace_is_pi_l_of_what_is_hidden(runtime: Runtime, rng: np.random.Generator, kind: str) -> None:
+    gbuffer = with_layers(rng, kind)
+    radiance = np.sign(radiance_of(gbuffer, rng)) * np.float32(2.5)
+    found, _ = gathered(runtime, gbuffer, radiance, radius=0.6, back=1.0)
+    # Sums of 2 slices of at most 32 sectors.
+    np.testing.assert_allclose(found[1], np.pi * 2.5 * (1.0 - found[0]), rtol=1e-5, atol=2e-6)
+
+
+def test_backs_send_nothing_and_no_more_than_is_hidden(runtime: Runtime, rng: np.random.Generator) -> None:
+    gbuffer = with_layers(rng)
+    radiance = np.sign(radiance_of(gbuffer, rng))
+    dark, _ = gathered(runtime, gbuffer, radiance, radius=0.6, back=0.0)
+    half, _ = gathered(runtime, gbuffer, radiance, radius=0.6, back=0.5)
+    full, _ = gathered(runtime, gbuffer, radiance, radius=0.6, back=1.0)
+    np.testing.assert_allclose(half[1:], 0.5 * (dark[1:] + full[1:]), rtol=1e-5, atol=2e-6)
+    assert float(np.mean(full[1] - dark[1])) > 0.005
+
+
+def test_floor_by_a_lit_wall_receives_what_the_wall_covers(runtime: Runtime) -> None:
+    gbuffer, distance = wall_and_floor("perspective")
+    floor = np.isfinite(distance)
+    # The wall alone shines: all that the floor's pixels see within the radius is wall.
+    point = gbuffer.camera.unproject(np.asarray(gbuffer.depth, np.float32))
+    wall = np.abs(point[..., 0]) < np.abs(point[..., 1])
+    radiance = np.where(wall[None, ..., None], 3.0, 0.0) * np.ones(3)
+    found, _ = gathered(runtime, gbuffer, radiance.astype(np.float32), radius=1.0, slices=8, taps=24)
+    there = floor & (distance > 0.05) & (distance < 0.9)
+    hidden = np.pi * 3.0 * (1.0 - found[0])
+    # Between the last tap on the floor and the first on the wall the mean of both is taken: half
+    # of what lies between is lost where that is wall.
+    error = found[1][there] - hidden[there]
+    assert np.all(error <= 1e-5)
+    assert float(error.mean()) > -0.06 * float(hidden[there].mean())
+
+
+def test_bounce_is_what_it_converges_to_on_average(runtime: Runtime, rng: np.random.Generator) -> None:
+    gbuffer = scene("bumpy", camera(size=(32, 40)), rng)
+    radiance = radiance_of(gbuffer, rng)
+    params = {"radius": 0.6, "slices": 8, "taps": 24}
+    found, _ = gathered(runtime, gbuffer, radiance, **params)
+    # With as many sectors, quick angles and roots: 1e-4 to 6e-4 of the mean. With 1024 the dither's
+    # noise too, of either sign from scene to scene: 1280 pixels with 16 sides each, whose ends are
+    # rounded to 1/32, and most light falls on few of them.
+    for sectors, share in ((32, 1e-3), (1024, 8e-3)):
+        wanted = ssdo_bitmask_reference(gbuffer, SsdoBitmaskParams(**params), radiance, sectors=sectors)
+        wanted[0], images = 1.0 - wanted[0], np.stack([1.0 - found[0], *found[1:]])
+        for image, mean in zip(images, wanted.mean(axis=(1, 2)), strict=True):
+            assert float(np.mean(image)) == pytest.approx(float(mean), rel=share)
+
+
+def test_result_does_not_depend_on_the_unit_of_length(runtime: Runtime, rng: np.random.Generator) -> None:
+    images = []
+    for scale in (1.0, 1024.0):
+        gbuffer = scene("bumpy", camera(scale=scale), np.random.default_rng(5), scale=scale)
+        radiance = radiance_of(gbuffer, np.random.default_rng(6))
+        images.append(gathered(runtime, gbuffer, radiance, radius=0.6 * scale)[0])
+    off = np.abs(images[0] - images[1]).max(axis=0) > ROUNDING * np.pi
+    assert off.mean() <= FLIPS
+
+
+def test_radiance_of_any_size_gives_finite_light_in_proportion(runtime: Runtime, rng: np.random.Generator) -> None:
+    gbuffer = with_layers(rng)
+    exponent = rng.uniform(-6.0, 6.0, (1, *np.shape(gbuffer.depth)[1:], 1))
+    radiance = (radiance_of(gbuffer, rng) * 10.0**exponent).astype(np.float32)
+    found, _ = gathered(runtime, gbuffer, radiance, radius=0.6)
+    assert np.isfinite(found).all()
+    assert found.min() >= 0.0
+    brighter, _ = gathered(runtime, gbuffer, radiance * np.float32(2.0**60), radius=0.6)
+    np.testing.assert_array_equal(brighter[1:], found[1:] * np.float32(2.0**60))
+
+
+def test_masks_are_what_visibility_counts(runtime: Runtime, rng: np.random.Generator) -> None:
+    gbuffer = with_layers(rng)
+    found, end = gathered(runtime, gbuffer, radius=0.6, slices=1)
+    assert end.masks is not None
+    rows, columns = gbuffer.size
+    pitch = runtime.plane(1, gbuffer.size).pitch
+    bits = end.masks.download()[: (rows + 1) * pitch].reshape(-1, pitch)[1:, :columns]
+    count = np.array([int(b & 0xFFFFFFFF).bit_count() for b in bits.ravel().tolist()])
+    np.testing.assert_allclose(count.reshape(rows, columns), 32.0 * (1.0 - found[0]), atol=1e-4)
+
+
+def test_sky_of_one_radiance_is_pi_l_a_however_small_the_radius(runtime: Runtime, rng: np.random.Generator) -> None:
+    gbuffer = with_layers(rng)
+    there = np.isfinite(gbuffer.inner(gbuffer.first("depth")))
+    sky, radiance = Environment(np.full((8, 16, 3), 2.0)), radiance_of(gbuffer, rng)
+    for radius in (0.6, 1e-6):
+        found, _ = gathered(runtime, gbuffer, radiance, (sky,), radius=radius)
+        # The filter's texels are weighted by approximate solid angles: within 0.3 %.
+        np.testing.assert_allclose(found[1][there], 2.0 * np.pi * found[0][there], rtol=3e-3, atol=1e-6)
+        assert np.all(found[1][~there] == 0.0)
+
+
+def test_second_call_allocates_and_builds_nothing(runtime: Runtime, rng: np.random.Generator) -> None:
+    gbuffer = with_layers(rng)
+    device = DeviceGBuffer(runtime, gbuffer.size, layers=2, margin=gbuffer.margin)
+    device.upload(gbuffer)
+    sent, sky = runtime.plane(6, device.whole), Sky(runtime)
+    end = SsdoBitmask(runtime, gbuffer.size, None, gbuffer.margin, 2, masks=True)
+    skies = (image_sky(rng),)
+    sizes = []
+    for _ in range(2):
+        sky.set(skies)
+        end.run(device, device, radiance=sent, sky=sky)
+        sizes.append((runtime.allocated_bytes, len(runtime._programs)))
+    assert sizes[0] == sizes[1]
+
+
+def test_other_shapes_are_refused(runtime: Runtime, rng: np.random.Generator) -> None:
+    gbuffer = with_layers(rng)
+    device = DeviceGBuffer(runtime, gbuffer.size, layers=2, margin=gbuffer.margin)
+    device.upload(gbuffer)
+    end = SsdoBitmask(runtime, gbuffer.size, None, gbuffer.margin, 2)
+    with pytest.raises(ValueError, match=r"radiance has 3 images of .*: expected 6 or 12 of"):
+        end.run(device, device, radiance=runtime.plane(3, device.whole))
+    end = SsdoBitmask(runtime, gbuffer.size, None, gbuffer.margin, 1)
+    with pytest.raises(ValueError, match=r"size, margin and layers"):
+        end.run(device, device)
+    with pytest.raises(ValueError, match=r"back is 1\.5: expected"):
+        replace(SsdoBitmaskParams(), back=1.5)

@@ -1,0 +1,204 @@
+"""Light of directional occlusion against closed forms: nothing is lost, nothing counts twice."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.lights import Environment
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.techniques.ssdo.auxiliary_cameras import auxiliary_cameras
+from ssgi_cl.techniques.ssdo.ssdo import ssdo
+
+from ...closed_forms import lit_by_wall
+
+Doubles = NDArray[np.float64]
+Pair = tuple[Doubles, Doubles]
+
+SKY = Environment(1.0)
+RADIUS = 4.0
+WALL, FLOOR = (1.0, 1.0), (2.0, 3.0)
+"""Height and width of the wall x = 0, depth and width of the floor y = 0, in scene units."""
+
+
+def visibility_rays(camera: Camera) -> Pair:
+    start = camera.unproject(np.zeros(camera.size, np.float32))
+    return start, camera.unproject(np.ones(camera.size, np.float32)) - start
+
+
+def inside_of(camera: Camera, low: Sequence[float], high: Sequence[float]) -> GBuffer:
+    """Return what a camera in an empty box sees."""
+    start, along = visibility_rays(camera)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depth = np.where(along > 0.0, (high - start) / along, (low - start) / along)
+    depth = np.where(along == 0.0, np.inf, depth)
+    axis = depth.argmin(axis=-1)
+    normal = np.eye(3)[axis] * -np.sign(np.take_along_axis(along, axis[..., None], -1))
+    nearest = depth.min(axis=-1)
+    return GBuffer(camera=camera, depth=nearest.astype(np.float32), normal=normal.astype(np.float32))
+
+
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """A wall that sends radiance 1 beside a black floor, as a camera sees them.
+
+    Attributes:
+        gbuffer: depth, normals, albedo 0, emission.
+        floor: [rows, columns] whether a pixel shows the floor.
+        form: [rows, columns] form factor of the wall there.
+    """
+
+    gbuffer: GBuffer
+    floor: NDArray[np.bool_]
+    form: Doubles
+
+
+def wall_beside_floor(camera: Camera) -> Beside:
+    start, along = visibility_rays(camera)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        to_floor, to_wall = (-start[..., axis] / along[..., axis] for axis in (1, 0))
+        at_floor, at_wall = (start + t[..., None] * along for t in (to_floor, to_wall))
+        on_floor = (to_floor > 0.0) & (at_floor[..., 0] > 0.0) & (at_floor[..., 0] < FLOOR[0])
+        on_floor &= np.abs(at_floor[..., 2]) < 0.5 * FLOOR[1]
+        on_wall = (to_wall > 0.0) & (at_wall[..., 1] > 0.0) & (at_wall[..., 1] < WALL[0])
+        on_wall &= np.abs(at_wall[..., 2]) < 0.5 * WALL[1]
+    depth = np.minimum(np.where(on_floor, to_floor, np.inf), np.where(on_wall, to_wall, np.inf))
+    wall = on_wall & (depth == to_wall)
+    floor = on_floor & ~wall
+    normal = np.where(wall[..., None], (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    shown = np.isfinite(depth)[..., None]
+    form = np.zeros(camera.size)
+    form[floor] = lit_by_wall(
+        at_floor[floor, 0], 0.5 * WALL[1] + at_floor[floor, 2], 0.5 * WALL[1] - at_floor[floor, 2], WALL[0]
+    )
+    gbuffer = GBuffer(
+        camera=camera,
+        depth=depth.astype(np.float32),
+        normal=np.where(shown, normal, 0.0).astype(np.float32),
+        albedo=np.zeros((*camera.size, 3), np.float32),
+        emission=np.repeat(wall[..., None], 3, axis=-1).astype(np.float32),
+    )
+    return Beside(gbuffer, floor, form)
+
+
+# ---- a furnace: the sky and all surfaces have radiance 1, so all irradiance is pi
+
+ROOM = (np.array([-2.0, -1.5, -2.0]), np.array([2.0, 1.5, 2.0]))
+FURNACES = {
+    "from inside": (Camera.look_at((0.3, 0.2, 1.8), (0, 0, -1), yfov=1.2, width=80, height=60), 0.0),
+    "orthographic, odd size": (
+        Camera.orthographic((0.1, 0.1, 1.5), (0.3, -0.2, -1.0), view_height=2.5, width=61, height=47),
+        0.0,
+    ),
+    "elsewhere, another size": (
+        Camera.look_at((11.3, 5.2, -8.2), (10, 4.5, -11), yfov=1.0, width=35, height=53),
+        (10.0, 5.0, -10.0),
+    ),
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "samples"),
+    [
+        *((name, 16) for name in FURNACES),
+        ("from inside", 256),
+        *(pytest.param(name, 256, marks=pytest.mark.slow) for name in list(FURNACES)[1:]),
+    ],
+)
+def test_furnace_of_points_is_exact(runtime: Runtime, name: str, samples: int) -> None:
+    camera, shift = FURNACES[name]
+    gbuffer = inside_of(camera, ROOM[0] + shift, ROOM[1] + shift)
+    direct, bounce = ssdo(
+        gbuffer, [SKY], 3.0, radiance=np.ones((*camera.size, 3)), method="points", samples=samples, runtime=runtime
+    )
+    # Each direction brings one of both; 256 weights and the blur's are added in float32.
+    np.testing.assert_allclose(direct + bounce, math.pi, rtol=1e-4)
+    assert direct.mean() > 0.05 * math.pi
+    assert bounce.mean() > 0.02 * math.pi
+
+
+def test_furnace_as_published_is_not_conserved(runtime: Runtime) -> None:
+    # Which is what its documentation says, and why "points" exists.
+    camera, _ = FURNACES["from inside"]
+    direct, bounce = ssdo(
+        inside_of(camera, *ROOM), [SKY], 3.0, radiance=np.ones((*camera.size, 3)), method="published", runtime=runtime
+    )
+    total = (direct + bounce) / math.pi
+    assert total.max() > 1.1
+    assert bounce.mean() > 0.02 * math.pi
+
+
+# ---- a lit wall beside a floor
+
+BESIDE = {
+    "perspective": Camera.look_at((2.2, 1.6, 1.2), (0.4, 0.3, 0), yfov=0.9, width=120, height=90),
+    "low, odd size": Camera.look_at((2.6, 0.5, 0.6), (0.3, 0.3, 0), yfov=0.9, width=121, height=91),
+    "orthographic": Camera.orthographic((3.0, 2.4, 1.4), (0.5, 0.2, 0), view_height=2.6, width=131, height=99),
+}
+
+
+@pytest.mark.parametrize("name", BESIDE)
+def test_wall_beside_a_floor_lights_and_hides_as_its_form_factor_says(runtime: Runtime, name: str) -> None:
+    case = wall_beside_floor(BESIDE[name])
+    direct, bounce = ssdo(case.gbuffer, [SKY], RADIUS, method="points", samples=64, runtime=runtime)
+    expected = math.pi * case.form[case.floor].mean()
+    # Rays that leave the wall's image between two taps miss it, and nothing below .5 % of the
+    # radius counts.
+    assert bounce[case.floor].mean() == pytest.approx(expected, rel=0.05)
+    hidden = math.pi - direct[case.floor].mean()
+    assert hidden == pytest.approx(expected, rel=0.05)
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n == "perspective")) for n in BESIDE])
+@pytest.mark.parametrize("count", [4, *(pytest.param(count, marks=pytest.mark.slow) for count in (1, 2))])
+def test_auxiliary_views_make_no_light(runtime: Runtime, name: str, count: int) -> None:
+    case = wall_beside_floor(BESIDE[name])
+    cameras = auxiliary_cameras(case.gbuffer.camera, case.gbuffer, count, size=1.0)
+    views = [wall_beside_floor(each).gbuffer for each in cameras]
+    direct, bounce = ssdo(
+        case.gbuffer, [SKY], RADIUS, method="points", samples=64, auxiliary_views=views, runtime=runtime
+    )
+    expected = math.pi * case.form[case.floor].mean()
+    assert bounce[case.floor].mean() == pytest.approx(expected, rel=0.05)
+    assert math.pi - direct[case.floor].mean() == pytest.approx(expected, rel=0.05)
+    # All that hides sends 1, but for the floor, which views at its edges may take for a wall.
+    np.testing.assert_allclose((direct + bounce)[case.floor].mean(), math.pi, rtol=1e-3)
+
+
+@pytest.mark.parametrize("name", BESIDE)
+def test_view_that_shows_nothing_new_changes_nothing(runtime: Runtime, name: str) -> None:
+    case = wall_beside_floor(BESIDE[name])
+    alone, again = (
+        ssdo(case.gbuffer, [SKY], RADIUS, method="points", samples=64, auxiliary_views=views, runtime=runtime)
+        for views in ([], [case.gbuffer])
+    )
+    for one, other in zip(alone, again, strict=True):
+        assert np.abs(other - one).max() <= 0.01 * one[case.floor].mean()
+
+
+# ---- as published
+
+
+def test_knobs_of_the_published_bounce(runtime: Runtime) -> None:
+    case = wall_beside_floor(BESIDE["perspective"])
+
+    def bounce(**options: float) -> NDArray[np.float32]:
+        found: NDArray[np.float32] = ssdo(case.gbuffer, [SKY], RADIUS, method="published", runtime=runtime, **options)[
+            1
+        ]
+        return found
+
+    plain, strong = bounce(), bounce(strength=2.5)
+    assert plain.max() > 0.0
+    np.testing.assert_allclose(strong, 2.5 * plain, rtol=1e-5)
+    # Beyond the radius, all senders are as far away as the limit.
+    far, farther = bounce(nearest_distance=2.0 * RADIUS), bounce(nearest_distance=6.0 * RADIUS)
+    np.testing.assert_allclose(far, 9.0 * farther, rtol=1e-5)
+    assert (bounce(nearest_distance=1e-3) >= plain - 1e-6 * plain.max()).all()

@@ -1,0 +1,251 @@
+"""Auxiliary cameras of SSDO create no light: a wall's light on a floor, in closed form."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import ssgi_cl as gi
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.runtime import Runtime
+
+from ...closed_forms import Quad, lit_by_wall, made
+from ..analytic import camera as camera_of
+from ..analytic import scene as scene_of
+
+Doubles = NDArray[np.float64]
+
+RADIANCE = 1.0 / math.pi
+"""Of the wall, W m^-2 sr^-1: irradiance is the form factor."""
+RADIUS = 4.0
+"""As wide as the scenes."""
+WALL: Quad = ((0, 0, -0.5), (0, 1, 0), (0, 0, 1))
+FLOOR: Quad = ((0, 0, -1.5), (0, 0, 3), (3, 0, 0))
+LOW, HIGH = np.array([0.35, 0.0, -0.15]), np.array([0.55, 0.35, 0.15])
+"""Corners of a black box that stands before the wall."""
+NEAREST = 0.02
+"""Receivers nearer to the wall are left out: less than two pixels."""
+
+
+def quads_of(*parts: Quad) -> Scene:
+    """Return parallelograms with the normals that the order of their edges gives."""
+    corners, normals = [], []
+    for part in parts:
+        corner, first, second = (np.asarray(p, np.float64) for p in part)
+        corners += [corner, corner + first, corner + first + second, corner + second]
+        normal = np.cross(first, second)
+        normals += [normal / np.linalg.norm(normal)] * 4
+    faces = [[4 * i + k for k in t] for i in range(len(parts)) for t in ((0, 1, 2), (0, 2, 3))]
+    return made(np.array(corners), faces, np.array(normals))
+
+
+def box() -> list[Quad]:
+    """Return the five visible sides of the box."""
+    x, y, z = np.diag(HIGH - LOW)
+    return [
+        (tuple(LOW), tuple(z), tuple(y)),
+        (tuple(LOW + x), tuple(y), tuple(z)),
+        (tuple(LOW), tuple(y), tuple(x)),
+        (tuple(LOW + z), tuple(x), tuple(y)),
+        (tuple(LOW + y), tuple(z), tuple(x)),
+    ]
+
+
+def seen(scene: Scene, camera: Camera, runtime: Runtime) -> GBuffer:
+    """Return what a camera sees of a scene whose wall alone sends light."""
+    gbuffer = gi.rasterize.gbuffer(scene, camera, runtime=runtime)
+    on_wall = np.abs(positions(gbuffer)[..., 0]) < 1e-3
+    emission = np.where(on_wall & (positions(gbuffer)[..., 1] > 1e-3), RADIANCE, 0.0)
+    return replace(
+        gbuffer,
+        albedo=np.zeros((*camera.size, 3), np.float32),
+        emission=np.repeat(emission[..., None], 3, axis=-1).astype(np.float32),
+    )
+
+
+def positions(gbuffer: GBuffer) -> Doubles:
+    """Return [rows, columns, 3] world positions, NaN where nothing is."""
+    depth = np.asarray(gbuffer.depth)
+    found = gbuffer.camera.unproject(np.where(np.isfinite(depth), depth, 1.0).astype(np.float32))
+    return np.where(np.isfinite(depth)[..., None], found, np.nan)
+
+
+def irradiance(position: Doubles, boxed: bool) -> Doubles:
+    """Return the irradiance of floor points [n, 3] by the wall, W/m^2."""
+    x, z = position[:, 0], position[:, 2]
+    if not boxed:
+        return lit_by_wall(x, 0.5 + z, 0.5 - z, 1.0)
+    # The box takes away what the rays to 64 x 64 parts of the wall say.
+    part = (np.arange(64) + 0.5) / 64
+    y, along = (each.ravel() for each in np.meshgrid(part, part - 0.5))
+    total = np.zeros(len(position))
+    for height, shift in zip(y, along, strict=True):
+        way = np.stack([-x, np.full(x.shape, height), shift - z], axis=-1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ends = np.sort(np.stack([(LOW - position) / way, (HIGH - position) / way]), axis=0)
+        enters, leaves = ends[0].max(axis=-1), ends[1].min(axis=-1)
+        free = (enters >= leaves) | (leaves <= 0.0) | (enters >= 1.0)
+        square = np.sum(way**2, axis=-1)
+        total += np.where(free, height * x / (math.pi * square**2), 0.0) / 64**2
+    return total
+
+
+def bounce(gbuffer: GBuffer, views: list[GBuffer], runtime: Runtime, **params: Any) -> Doubles:
+    """Return the red irradiance by surfaces, W/m^2."""
+    _, found = gi.ssdo(gbuffer, [], RADIUS, auxiliary_views=views, runtime=runtime, **params)
+    return np.asarray(found[..., 0], np.float64)
+
+
+EYE, TARGET = (2.2, 1.5, 1.3), (0.5, 0.2, 0.0)
+CASES = {
+    "wall": (Camera.look_at(EYE, TARGET, yfov=0.9, width=120, height=90), False),
+    "odd size": (Camera.look_at((2.6, 0.9, -0.8), TARGET, yfov=0.8, width=101, height=77), False),
+    "orthographic": (Camera.orthographic(EYE, TARGET, (0, 1, 0), view_height=2.0, width=120, height=90), False),
+    "box": (Camera.look_at(EYE, TARGET, yfov=0.9, width=120, height=90), True),
+    "box, odd": (Camera.look_at((2.0, 2.0, -0.5), TARGET, yfov=0.9, width=93, height=71), True),
+}
+FAST = ("odd size",)
+
+
+@pytest.mark.parametrize("case", [pytest.param(case, marks=[pytest.mark.slow] * (case not in FAST)) for case in CASES])
+def test_auxiliary_cameras_create_no_light(runtime: Runtime, case: str) -> None:
+    camera, boxed = CASES[case]
+    scene = quads_of(WALL, FLOOR, *(box() if boxed else []))
+    gbuffer = seen(scene, camera, runtime)
+    position = positions(gbuffer)
+    on_floor = (np.abs(position[..., 1]) < 1e-3) & (position[..., 0] > NEAREST)
+    truth = irradiance(position[on_floor], boxed)
+    cameras = gi.auxiliary_cameras(camera, gbuffer, 4, size=1.0)
+    views = [seen(scene, each, runtime) for each in cameras]
+    assert len(views) == 4
+    means, errors = [], []
+    for count in (0, 1, 2, 4):
+        found = bounce(gbuffer, views[:count], runtime)[on_floor]
+        means.append(found.mean() / truth.mean())
+        errors.append(np.sqrt(np.mean((found - truth) ** 2)) / truth.mean())
+    assert np.abs(np.subtract(means, 1.0)).max() < 0.02
+    # Behind the box cameras find the wall by few rays, whose noise is within the error they mend.
+    assert max(errors) <= 1.01 * errors[0]
+    if boxed and len(set(means)) > 1:
+        assert errors[-1] < errors[0]
+
+
+def test_lit_wall_sends_what_a_single_view_says_it_does(runtime: Runtime) -> None:
+    # The same by a light that meets the wall face-on, with all defaults.
+    camera, scene = CASES["wall"][0], quads_of(WALL, FLOOR)
+    sun = gi.DirectionalLight((-1, 0, 0), (1, 1, 1))
+    gbuffer = gi.rasterize.gbuffer(scene, camera, runtime=runtime)
+    views = [
+        gi.rasterize.gbuffer(scene, each, runtime=runtime)
+        for each in gi.auxiliary_cameras(camera, gbuffer, 4, size=1.0)
+    ]
+    _, alone = gi.ssdo(gbuffer, [sun], RADIUS, runtime=runtime)
+    for count in (1, 2, 4):
+        _, found = gi.ssdo(gbuffer, [sun], RADIUS, auxiliary_views=views[:count], runtime=runtime)
+        assert np.abs(found - alone).max() < 0.01 * alone.mean()
+
+
+def near_copies(camera: Camera) -> list[Camera]:
+    """Return the camera, it moved by less than a hundredth of a pixel, and it with fewer pixels."""
+    moved = camera.view.copy()
+    moved[:3, 3] += (1e-4, -1e-4, 1e-4)
+    rows, columns = camera.size
+    return [camera, replace(camera, view=moved), replace(camera, width=columns // 2, height=rows // 2)]
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_view_that_shows_nothing_new_changes_nothing(runtime: Runtime, case: str) -> None:
+    camera, boxed = CASES[case]
+    scene = quads_of(WALL, FLOOR, *(box() if boxed else []))
+    gbuffer = seen(scene, camera, runtime)
+    alone = bounce(gbuffer, [], runtime)
+    views = [seen(scene, each, runtime) for each in near_copies(camera)]
+    for view in views:
+        assert np.abs(bounce(gbuffer, [view], runtime) - alone).max() < 0.01 * alone.mean()
+    assert np.abs(bounce(gbuffer, views, runtime) - alone).max() < 0.01 * alone.mean()
+
+
+@pytest.mark.parametrize("name", ["corner", "ball", "bumpy"])
+@pytest.mark.parametrize("kind", ["perspective", "orthographic", "off-centre"])
+def test_curved_surface_seen_again_changes_nothing(runtime: Runtime, name: str, kind: str) -> None:
+    def shining(camera: Camera) -> GBuffer:
+        gbuffer = scene_of(name, camera, np.random.default_rng(3))
+        there = np.isfinite(np.asarray(gbuffer.depth))[..., None]
+        emission = np.where(there, np.ones(3, np.float32), np.float32(0.0))
+        return replace(gbuffer, emission=emission)
+
+    camera = camera_of(kind, (61, 83))
+    gbuffer = shining(camera)
+    alone = bounce(gbuffer, [], runtime)
+    assert alone.mean() > 0.05
+    for each in near_copies(camera):
+        found = bounce(gbuffer, [shining(each)], runtime)
+        assert np.abs(found - alone).max() < 0.01 * alone.mean()
+
+
+def test_second_auxiliary_camera_leaves_what_the_first_shows(runtime: Runtime) -> None:
+    # From above the floor alone is seen, so that all light is of the wall that others see.
+    above = Camera.look_at((0.9, 2.0, 0.2), (0.9, 0.0, 0.2), (0, 0, 1), yfov=0.6, width=80, height=60)
+    scene = quads_of(WALL, FLOOR)
+    gbuffer = seen(scene, above, runtime)
+    assert not np.asarray(gbuffer.emission).any()
+    position = positions(gbuffer)
+    on_floor = (np.abs(position[..., 1]) < 1e-3) & (position[..., 0] > NEAREST)
+    truth = irradiance(position[on_floor], boxed=False).mean()
+    # With many taps, as few leave out what lies between them.
+    many = {"taps": 32, "view_taps": 64, "slices": 4}
+    views = [
+        seen(scene, each, runtime)
+        for each in (*near_copies(CASES["wall"][0]), CASES["orthographic"][0], CASES["odd size"][0])
+    ]
+    one, two, all_ = (bounce(gbuffer, views[:n], runtime, **many)[on_floor] for n in (1, 2, 5))
+    assert one.mean() == pytest.approx(truth, rel=0.06)
+    assert np.abs(two - one).max() < 0.01 * truth
+    assert all_.mean() == pytest.approx(one.mean(), rel=0.01)
+
+
+def test_back_of_what_a_view_shows_sends_its_light(runtime: Runtime) -> None:
+    # A slab whose dark front the camera sees, from above its top, with the floor behind; an
+    # auxiliary camera sees its bright back. A part of the floor sees nothing but that back.
+    back: Quad = ((-0.1, 0, -0.5), (0, 0, 1), (0, 1, 0))
+    ground: Quad = ((-3, 0, -1.5), (0, 0, 3), (6, 0, 0))
+    top: Quad = ((-0.1, 1, -0.5), (0, 0, 1), (0.1, 0, 0))
+    scene = quads_of(WALL, back, top, ground)
+
+    def lit(camera: Camera) -> GBuffer:
+        gbuffer = seen(scene, camera, runtime)
+        position = positions(gbuffer)
+        bright = (np.abs(position[..., 0] + 0.1) < 1e-3) & (position[..., 1] > 1e-3)
+        emission = np.where(bright[..., None], np.full(3, RADIANCE), 0.0).astype(np.float32)
+        return replace(gbuffer, emission=emission)
+
+    gbuffer = lit(Camera.look_at((1.6, 3.2, 0.3), (-0.6, 0.3, 0.0), yfov=0.9, width=100, height=75))
+    view = lit(Camera.look_at((-2.2, 1.1, 0.4), (-0.1, 0.4, 0.0), yfov=0.9, width=100, height=75))
+    position = positions(gbuffer)
+    # From farther away the slab is less than a sector high, which is too little for few rays.
+    x_floor = np.where(np.abs(position[..., 1]) < 1e-3, position[..., 0], 0.0)
+    behind = (x_floor < -0.3) & (x_floor > -1.2)
+    assert not np.asarray(gbuffer.emission).any()
+    assert behind.sum() > 500
+    x, z = position[behind][:, 0], position[behind][:, 2]
+    truth = lit_by_wall(-0.1 - x, 0.5 + z, 0.5 - z, 1.0).mean()
+    many = {"taps": 32, "view_taps": 64, "slices": 4}
+    assert bounce(gbuffer, [], runtime, **many)[behind].mean() == 0.0
+    found = bounce(gbuffer, [view], runtime, **many)[behind].mean()
+    # Rays have 64 taps, which miss what is narrower than the way between them: 9 % here.
+    assert found == pytest.approx(truth, rel=0.15)
+    assert found <= 1.02 * truth
+    # The slab hides once: its back covers 1 % beside its front, and both again 4 %.
+    sky = gi.Environment((1.0, 1.0, 1.0))
+    alone, both = (
+        gi.ssdo(gbuffer, [sky], RADIUS, auxiliary_views=views, runtime=runtime, **many)[0][behind]
+        for views in ([], [view])
+    )
+    assert np.abs(both - alone).mean() < 0.02 * alone.mean()

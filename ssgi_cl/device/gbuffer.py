@@ -259,7 +259,6 @@ class DeviceGBuffer:
         with self._derived.over(self.region) as region:
             for layer in range(self.attributes):
                 kernel.run(
-                    "view normals" + (f" {layer + 1}" if self.attributes > 1 else ""),
                     self.whole,
                     region=region,
                     depth=self.depth,

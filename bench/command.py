@@ -31,6 +31,7 @@ from .options import (
     own_option,
     progress_bar,
 )
+from .plot import require_plots
 
 SIZE = "800x600"
 
@@ -167,6 +168,8 @@ def bench_command(
         check_output(path, suffix)
     families = OWN if own else FAMILIES
     with human_errors():
+        if markdown is not None:
+            require_plots()  # before anything is measured
         runtime = Runtime.open(device, lanes=lanes, storage=storage)
         views = views_of(scenes, runtime, meshes)
         cases = suite.select(patterns, list(views), sizes, families)

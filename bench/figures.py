@@ -26,6 +26,7 @@ from ssgi_cl.tuning.measured_scenes import MissingMeshError, views_of
 from . import document, figure_text, front, skips, suite, summary, summation
 from .figure_tables import VISIBILITY
 from .options import device_option
+from .plot import require_plots
 from .skips import ROUNDS
 from .wording import revision
 
@@ -325,6 +326,7 @@ def main(
     """Record the figures of README and docs on this machine, and write them there."""
     report = Progress()
     if not only_render:
+        require_plots()  # before anything is measured
         runtime = Runtime.open(device)
         # Before anything is written: afterwards the checkout differs from the revision.
         stamp = document.stamp(runtime)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +16,7 @@ from .document import Group, groups, metric
 from .guide import guides
 from .peers import PEERS
 from .pictures import OCCLUSION_RANGE, encoded, error_colors, exposure_of
-from .plot import HEIGHT, LEFT, MARKERS, PLOT_STYLE, WIDTH, looks, plot
+from .plot import has_plot, looks, plot
 from .verdict import verdict
 from .wording import (
     calibration_line,
@@ -55,7 +54,6 @@ LEGEND = (
     "screen-space model converges to. RMSE of light: in W/m², and as a share of the reference's "
     "mean.",
 )
-_ENTRY_WIDTH, _ROW = 140, 22
 _STRIP, _QUALITY = 1200, 80
 """Columns of a strip of three pictures, and what JPEG keeps of it, of 100."""
 
@@ -75,6 +73,7 @@ def write(path: str | os.PathLike[str], document: Mapping[str, Any], pictures: M
         All files.
 
     Raises:
+        MissingExtraError: matplotlib is not installed, and a group has a plot.
         OSError: a file can't be written; the message names it.
     """
     file = Path(path)
@@ -132,12 +131,11 @@ def page(document: Mapping[str, Any], stem: str) -> str:
         lines += ["", text]
     lines += _guides(document)
     shown = document.get("strips") or [""] * len(groups(document["results"]))
-    drawn = plots(document, stem)
     for name, strip, (key, results) in zip(
         _names(document, stem), shown, groups(document["results"]).items(), strict=True
     ):
         lines += ["", f"## {title(key)}", ""]
-        if name in drawn:
+        if has_plot(results):
             lines += [f"![{title(key)}: error over time]({name}.svg)", ""]
         said = verdict(results)
         lines += [said, ""] if said else []
@@ -224,24 +222,6 @@ def _row(result: Mapping[str, Any]) -> str:
 
 
 def _drawing(key: Group, results: list[dict[str, Any]]) -> str:
-    """Return the plot with its legend as a file of its own; "" if there is nothing to draw."""
+    """Return the plot as a file of its own; "" if there is nothing to draw."""
     shown = sorted({r["family"] for r in results if metric(r, "world", "rmse") is not None})
-    look = looks(shown, list(PEERS))
-    drawn = plot([r for r in results if r["family"] in shown], look, title(key), key[0])
-    if not drawn:
-        return ""
-    in_row = (WIDTH - LEFT) // _ENTRY_WIDTH
-    legend = "".join(
-        f'<g class="c{color}" transform="translate({LEFT + index % in_row * _ENTRY_WIDTH} '
-        f'{HEIGHT + 12 + index // in_row * _ROW})"><path class="line{" dashed" if dashed else ""}" '
-        f'd="M0 0H24"/><path class="point" transform="translate(12 0)" d="{MARKERS[marker]}"/>'
-        f'<text x="30" y="4">{escape(family)}</text></g>'
-        for index, (family, (color, marker, dashed)) in enumerate(look.items())
-    )
-    height = HEIGHT + 12 + -(-len(look) // in_row) * _ROW
-    inner = drawn[drawn.index(">") + 1 :]
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" class="plot" viewBox="0 0 {WIDTH} {height}" '
-        f'width="{WIDTH}" height="{height}"><style>{PLOT_STYLE}svg {{ background: var(--page); }}'
-        f"</style>{legend}{inner}\n"
-    )
+    return plot(results, looks(shown, list(PEERS)), title(key), key[0])

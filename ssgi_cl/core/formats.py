@@ -1,22 +1,20 @@
-"""File formats of G-buffers: modules by name, imported when a file is first read or written."""
+"""Files of G-buffers and environments: the package above this one says who reads and writes them."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
-from importlib import import_module
-from typing import Any, Protocol, cast
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
-MODULES = {"exr": "ssgi_cl.io.exr"}
-"""Format -> the module that has the functions of `GBufferFormat`. Their libraries take time to
-import, and this package knows arrays only."""
+    from ssgi_cl.core.lights import Environment
 
 
-class GBufferFormat(Protocol):
-    """What the module of a format offers."""
+class Files(Protocol):
+    """What reads and writes files."""
 
     def read_gbuffer(
         self,
@@ -30,7 +28,20 @@ class GBufferFormat(Protocol):
     def write(self, path: str | os.PathLike[str], arrays: Mapping[str, Any]) -> None:
         """Write arrays, whole or not at all."""
 
+    def read_environment(self, path: str | os.PathLike[str]) -> Environment:
+        """Return the environment of a latitude-longitude image."""
 
-def format_of(name: str) -> GBufferFormat:
-    """Return the format of this name."""
-    return cast(GBufferFormat, import_module(MODULES[name]))
+
+_provider: Callable[[], Files] | None = None
+
+
+def provide(provider: Callable[[], Files]) -> None:
+    """Say what returns the readers and writers; it is called when a file is first used."""
+    global _provider
+    _provider = provider
+
+
+def files() -> Files:
+    """Return the readers and writers."""
+    assert _provider is not None  # noqa: S101  the package provides them when it is imported
+    return _provider()

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core import checks
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.formats import format_of
+from ssgi_cl.core.formats import files
 from ssgi_cl.core.immutable import Immutable, frozen
 from ssgi_cl.core.lights import DirectionalLight, PointLight, SpotLight
 
@@ -178,7 +178,7 @@ class GBuffer:
                 with a camera of the display window, the data window does not exceed that equally
                 on opposite sides (overscan).
         """
-        arrays = format_of("exr").read_gbuffer(path, channels, size=camera.size)
+        arrays = files().read_gbuffer(path, channels, size=camera.size)
         return cls(camera=camera, nan=nan, **arrays)
 
     def to_exr(self, path: str | os.PathLike[str]) -> None:
@@ -186,7 +186,7 @@ class GBuffer:
         names = ("depth", "normal", "albedo", "emission")
         arrays = {name: self.first(name) for name in names}
         kept = {name: array for name, array in arrays.items() if array is not None}
-        format_of("exr").write(path, kept)
+        files().write(path, kept)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

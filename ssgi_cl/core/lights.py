@@ -6,12 +6,12 @@ import math
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from importlib import import_module
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core import checks
+from ssgi_cl.core.formats import files
 from ssgi_cl.core.immutable import Immutable, frozen
 
 
@@ -129,9 +129,7 @@ class Environment(Immutable):
             ValueError: of another kind or damaged, or a texel is NaN, negative or infinite.
             OSError: the file cannot be read.
         """
-        # File formats lie above this package; their reader is looked up when it is used.
-        read: Environment = import_module("ssgi_cl.io.environment").read_environment(path)
-        return read
+        return files().read_environment(path)
 
 
 MOST_RADIANCE = 1e38

@@ -7,11 +7,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from threading import Lock
-from typing import Any
+from typing import Any, TypeVar, cast
 from weakref import WeakKeyDictionary, finalize
 
 from ssgi_cl.core.errors import DeviceMemoryError
 from ssgi_cl.device import host_memory
+
+T = TypeVar("T")
 
 _MEBI = 1 << 20
 
@@ -164,9 +166,9 @@ class DeviceMemory:
         return f"{self.used / _MEBI:.1f} of {self.limit / _MEBI:.1f} MiB are in use"
 
 
-def outline(**about: Any) -> Any:
+def outline(kind: type[T], **about: Any) -> T:
     """Return what stands for a plane, an array or a kernel while memory is only counted."""
-    return _Outline(**about)
+    return cast(T, _Outline(**about))
 
 
 class _Outline:

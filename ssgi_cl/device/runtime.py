@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-import gc
-import hashlib
 import os
 import threading
-import time
-import warnings
-import weakref
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
@@ -20,35 +14,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core import checks
-from ssgi_cl.core.errors import DeviceError, DeviceMemoryError, KernelBuildError
+from ssgi_cl.core.errors import DeviceMemoryError
 from ssgi_cl.core.keywords import check_keywords
-from ssgi_cl.device import drivers, image_limits, sources
+from ssgi_cl.device import drivers, image_limits
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size, plane_shape
-from ssgi_cl.device.drivers import DeviceInfo, KernelVariant, pocl_cache
-from ssgi_cl.device.drivers.caches import replaced_caches
+from ssgi_cl.device.drivers import DeviceInfo, KernelVariant
 from ssgi_cl.device.drivers.probe_timer import speed_in_use
 from ssgi_cl.device.image_limits import ImageLimits
-from ssgi_cl.device.kernel import Kernel, check_groups
+from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.memory import DeviceMemory, outline
 from ssgi_cl.device.opencl import listed_device, opencl
-from ssgi_cl.device.signature import ARGUMENT_INFO
+from ssgi_cl.device.prepared import Prepared
+from ssgi_cl.device.process import check_not_forked, load_driver, usable_device
+from ssgi_cl.device.programs import Programs
 from ssgi_cl.device.structs import Struct
 from ssgi_cl.device.timing import FrameLog, PassTime
 from ssgi_cl.device.transient import TransientMemory
 
-MOST_PREPARED = 256
-"""Results that `Runtime.prepared` keeps at most: their memory on the host is not counted."""
-
 P = ParamSpec("P")
 T = TypeVar("T")
-
-
-@dataclass
-class _Prepared:
-    """What `Runtime.prepared` keeps, and the number of the call that used it last."""
-
-    value: Any
-    call: int
 
 
 class Runtime:
@@ -64,46 +48,31 @@ class Runtime:
         variant: the kernel variant that it gets: lanes and storage.
         memory: the device's memory: how much is in use, the most that was, and limits.
         transient: the memory that passes share.
+        programs: what it has compiled.
         lock: held by what another thread's work on this device must not come between.
-        short_header: whether programs declare built-in functions by common/builtins.clh alone.
-        allocated_bytes, builds: device memory taken and programs compiled so far, in all.
+        image_limits: of images, where kernels read those.
+        allocated_bytes: device memory taken so far, in all.
     """
 
     def __init__(self, info: DeviceInfo, variant: KernelVariant) -> None:
         cl = opencl()
-
         self.info = info
         self.variant = variant
         self.allocated_bytes = 0
-        self.builds = 0
-        device = listed_device(info)
-        if device is None:
-            raise DeviceError(
-                f"{info.label}: the driver does not list this device as it is set up now; "
-                "`ssgi devices --refresh` looks again"
-            )
-        if variant.storage == "image" and not device.image_support:
-            raise DeviceError(f"{info.label} has no images: use storage 'buffer'")
+        self.device = device = usable_device(info, variant)
         self.context = cl.Context([device])
         profiling = cl.command_queue_properties.PROFILING_ENABLE
         self.queue = cl.CommandQueue(self.context, properties=profiling)
         self.shares_memory = bool(device.host_unified_memory) and info.kind != "gpu"
-        self.device = device
-        check_groups(info.label, device)
-        self._image_limits = ImageLimits.of(device) if variant.storage == "image" else None
+        self.image_limits = ImageLimits.of(device) if variant.storage == "image" else None
         self.memory = DeviceMemory(
             info.label, device.global_mem_size, device.max_mem_alloc_size, on_host=self.shares_memory
         )
-        self.short_header = device.platform.name == "Portable Computing Language"
+        self.programs = Programs(self, short_header=device.platform.name == "Portable Computing Language")
         self.transient = TransientMemory(self)
-        self._programs: dict[str, Any] = {}
-        self._kernels: dict[tuple[Any, ...], Kernel] = {}
-        self._prepared: dict[object, _Prepared] = {}
-        self._within_bounds: tuple[int, int, int] | None = None  # state in which nothing must go
-        self._following: set[object] = set()
+        self._prepared = Prepared(self)
         self._log = FrameLog()
         self.lock = threading.RLock()
-        self._calls = 0
         self._depth = 0  # of calls within calls, in the thread that has the lock
         self._working = False
         self._touched = False
@@ -132,23 +101,22 @@ class Runtime:
         if keep is not None:
             keep = checks.integer("keep", keep, low=0, high=1 << 62, unit="bytes")
         with _OPENING:
-            runtime = cls._opened(name, lanes, storage)
+            runtime = cls._opened(name or os.environ.get("SSGI_CL_DEVICE"), lanes, storage)
         if keep is not None:
             runtime.memory.keep = keep
         return runtime
 
     @classmethod
     def _opened(cls, name: str | None, lanes: int | None, storage: str | None) -> Runtime:
-        name = name or os.environ.get("SSGI_CL_DEVICE") or None
-        info, variant = _chosen(name, lanes, storage)
+        info, variant = drivers.choose_variant(name, lanes, storage)
         key = (info.driver, info.platform, info.device, variant, os.environ.get(image_limits.VARIABLE))
         runtime = _OPENED.get(key)
         if runtime is None:
-            _load_driver(info)
+            load_driver(info)
             if listed_device(info) is None:  # the record is of another configuration
                 drivers.look_again(Path(info.driver))
-                info, variant = _chosen(name, lanes, storage)
-                _load_driver(info)
+                info, variant = drivers.choose_variant(name, lanes, storage)
+                load_driver(info)
             runtime = _OPENED[key] = cls(info, variant)
             drivers.confirm(info, variant, lambda: speed_in_use(cls(info, variant)))
         return runtime
@@ -172,7 +140,7 @@ class Runtime:
             if before == 0:
                 if self._working and self._touched:
                     self._prepared.clear()
-                self._calls += 1
+                self._prepared.calls += 1
                 self._touched = False
                 self._working = True
             frames = self._log.depth
@@ -184,13 +152,18 @@ class Runtime:
                 self._log.depth = frames
             if before == 0:
                 self._working = False
-                self._bound_kept()  # passes may have taken more than what was prepared
+                self._prepared.bound()  # passes may have taken more than what was prepared
             return result
+
+    @property
+    def in_call(self) -> bool:
+        """Whether a call of the library runs now, see `exclusively`."""
+        return self._depth > 0
 
     @property
     def calls(self) -> int:
         """Number of the call of the library that runs now."""
-        return self._calls
+        return self._prepared.calls
 
     def touch(self) -> None:
         """Note that something on the device is about to change.
@@ -208,8 +181,7 @@ class Runtime:
         if self.memory.counting:
             rows, pitch = plane_shape(count, size)
             self.memory.count(rows * pitch * 4)
-            plane: Plane = outline(runtime=self, count=count, size=size, outside=outside, pitch=pitch)
-            return plane
+            return outline(Plane, runtime=self, count=count, size=size, outside=outside, pitch=pitch)
         return Plane(self, count, size, outside)
 
     def image_shape(self, rows: int, pitch: int) -> Size | None:
@@ -220,9 +192,7 @@ class Runtime:
         Raises:
             DeviceError: the device has no image so large.
         """
-        if self._image_limits is None:
-            return None
-        return self._image_limits.shape(self.info.label, rows, pitch)
+        return None if self.image_limits is None else self.image_limits.shape(self.info.label, rows, pitch)
 
     def array(self, values: NDArray[Any]) -> DeviceArray:
         """Return new device memory that holds a copy of `values` (at least one element)."""
@@ -234,8 +204,7 @@ class Runtime:
         """Return new device memory for `count` elements (at least one), not initialised."""
         if self.memory.counting:
             self.memory.count(max(count, 1) * np.dtype(dtype).itemsize)
-            array: DeviceArray = outline(runtime=self, dtype=np.dtype(dtype), count=max(count, 1))
-            return array
+            return outline(DeviceArray, runtime=self, dtype=np.dtype(dtype), count=max(count, 1))
         return DeviceArray(self, np.empty(max(count, 1), dtype), fill=False)
 
     def allocate(self, size: int, owner: object, contents: NDArray[Any] | None = None) -> Any:
@@ -248,7 +217,6 @@ class Runtime:
                 was not asked unless it said so.
         """
         cl = opencl()
-
         self.touch()
         flags = cl.mem_flags.READ_WRITE
         if self.shares_memory:
@@ -267,12 +235,12 @@ class Runtime:
 
         with self.lock:
             self.take(size, owner)
-            return self._with_capacity(allocated)
+            return self._prepared.with_capacity(allocated)
 
     def take(self, size: int, owner: object) -> None:
         """Count `size` bytes as taken while `owner` lives; DeviceMemoryError if they don't fit."""
         self.memory.check_piece(size)  # which nothing that is let go changes
-        self._with_capacity(lambda: self.memory.take(size, owner))
+        self._prepared.with_capacity(lambda: self.memory.take(size, owner))
         self.allocated_bytes += size
 
     def require(self, size: int, what: str) -> None:
@@ -281,32 +249,9 @@ class Runtime:
         What earlier calls left goes first where it stands in the way.
         """
         if self.memory.counting:
-            self.memory.count(size)
-            return
+            return self.memory.count(size)
         with self.lock:
-            self._with_capacity(lambda: self.memory.require(size, what))
-
-    def _with_capacity(self, take: Callable[[], T]) -> T:
-        """Return what `take` returns, tried again each time after the oldest of what earlier calls
-        left was let go."""
-        while True:
-            try:
-                return take()
-            except DeviceMemoryError:
-                if not self._let_go():
-                    raise
-
-    def _let_go(self) -> bool:
-        """Let go what was not used for the longest time; return False if this call used all."""
-        before = self.memory.used
-        for key in tuple(self._prepared):
-            prepared = self._prepared.get(key)
-            if prepared is not None and prepared.call < self._calls:
-                del self._prepared[key], prepared
-                if self.memory.used == before:
-                    gc.collect()  # its parts may refer to each other
-                return True
-        return self.transient.let_go(self._calls)
+            return self._prepared.with_capacity(lambda: self.memory.require(size, what))
 
     def prepared(self, key: object, make: Callable[[], Any], *, of: object | None = None) -> Any:
         """Return what `make` returned for `key` before, or its result now.
@@ -323,50 +268,7 @@ class Runtime:
             DeviceMemoryError: there is no room for it, even with nothing else kept; the message
                 says how much it needs.
         """
-        if self.memory.counting:
-            return make()
-        with self.lock:
-            if self._depth == 0:
-                self._calls += 1
-            kept = self._prepared.pop(key, None)
-            if kept is None:
-                with self.memory.keeping():
-                    kept = _Prepared(self._made(make), self._calls)
-                if of is not None and key not in self._following:
-                    weakref.finalize(of, self._follow, key).atexit = False
-                    self._following.add(key)
-            kept.call = self._calls
-            self._prepared[key] = kept
-            self._bound_kept()
-            return kept.value
-
-    def _bound_kept(self) -> None:
-        """Let go what was not used for the longest time while more is kept than may be."""
-        memory = self.memory
-        while self._within_bounds != (state := (memory.taken, memory.keep, len(self._prepared))):
-            if memory.kept <= memory.keep and len(self._prepared) <= MOST_PREPARED:
-                self._within_bounds = state
-            elif not self._let_go():
-                return
-
-    def _follow(self, key: object) -> None:
-        self._following.discard(key)
-        self._prepared.pop(key, None)
-
-    def _made(self, make: Callable[[], Any]) -> Any:
-        try:
-            return make()
-        except DeviceMemoryError:
-            self._prepared.clear()  # all that nobody holds is free now
-        gc.collect()
-        try:
-            return make()
-        except DeviceMemoryError as error:
-            needed = self.memory.needed(make)
-            raise DeviceMemoryError(
-                f"{error}; {needed / 2**20:.1f} MiB are needed in all: take a smaller size, fewer "
-                "layers or less overscan"
-            ) from error
+        return self._prepared.get(key, make, of)
 
     # ---- programs
 
@@ -378,97 +280,19 @@ class Runtime:
         *,
         most_lanes: int = 16,
     ) -> Kernel:
-        """Return a kernel, compiled unless the same text with the same options was before.
-
-        Args:
-            path: file in kernels/, such as "ssao/ssao.cl"; its stem is the kernel's name.
-            macros: name -> integer, the switches and loop counts of that file.
-            structs: definitions that the file needs.
-            most_lanes: for kernels whose work is too narrow for more.
-
-        Raises:
-            KernelBuildError: the compiler refused it; the message has file:line in kernels/.
-        """
-        if self.memory.counting:
-            stand_in: Kernel = outline()
-            return stand_in
-        key = (path, tuple(sorted((macros or {}).items())), tuple(structs), most_lanes)
-        with self.lock:
-            kernel = self._kernels.get(key)
-            if kernel is None:
-                check_not_forked()
-                text = sources.flatten(path, "\n".join(struct.text for struct in structs))
-                name = path.rsplit("/", 1)[-1].removesuffix(".cl")
-                kernel = self._kernel(name, f"kernels/{path}", text, macros or {}, structs, most_lanes)
-                self._kernels[key] = kernel
-            return kernel
+        """Return a kernel of a file in kernels/, see `Programs.kernel`."""
+        return self.programs.kernel(path, macros, structs, most_lanes=most_lanes)
 
     def kernel_from_text(
         self, name: str, text: str, macros: Mapping[str, int] | None = None, structs: Sequence[Struct] = ()
     ) -> Kernel:
-        """Return the kernel called `name` in `text`, which may include files of kernels/.
+        """Return the kernel called `name` in `text`, see `Programs.kernel_from_text`."""
+        return self.programs.kernel_from_text(name, text, macros, structs)
 
-        The rest is as in `kernel`.
-        """
-        prelude = "\n".join(struct.text for struct in structs)
-        flat = sources.flatten_text(text, name, prelude)
-        return self._kernel(name, f"kernel text {name!r}", flat, macros or {}, structs)
-
-    def _kernel(
-        self,
-        name: str,
-        source: str,
-        text: str,
-        macros: Mapping[str, int],
-        structs: Sequence[Struct],
-        most_lanes: int = 16,
-    ) -> Kernel:
-        limits = self._image_limits
-        defined = {
-            "SSGI_LANES": min(self.variant.lanes, most_lanes),
-            "SSGI_IMAGES": int(self.variant.storage == "image"),
-            **({"SSGI_IMAGE_ROWS": limits.rows} if limits else {}),
-            **dict(sorted(macros.items())),
-        }
-        # -w: PoCL's Clang prints how many warnings it had on stderr ("206 warnings generated."); the
-        # lint reads them. Errors stay in the build log.
-        options = ["-cl-std=CL1.2", "-w", ARGUMENT_INFO, *(f"-D{macro}={value}" for macro, value in defined.items())]
-        key = hashlib.sha256("\0".join([text, *options]).encode()).hexdigest()
-        program = self._programs.get(key)
-        if program is None:
-            program = self._programs[key] = self._build(source, text, options)
-        try:
-            return Kernel(self, program, name, source, text, defined, structs)
-        except KernelBuildError:
-            # PoCL 3.0 takes an empty file of its cache for a program without kernels.
-            if program.num_kernels or not pocl_cache.clear_damaged(since=time.time()):
-                raise
-        program = self._programs[key] = self._build(source, text, options)
-        return Kernel(self, program, name, source, text, defined, structs)
-
-    def _build(self, source: str, text: str, options: list[str]) -> Any:
-        cl = opencl()
-
-        self.builds += 1
-        with warnings.catch_warnings():
-            # Compilers report success in words; failures raise.
-            warnings.simplefilter("ignore")
-            if self.short_header:
-                # PoCL 3 parses Clang's declarations of all built-in functions for every program:
-                # 80 ms, where most of our kernels take 20. Ours are in common/builtins.clh.
-                short = sources.flatten("common/builtins.clh") + text
-                try:
-                    return cl.Program(self.context, short).build(options=[*options, _NO_HEADER])
-                except cl.RuntimeError:
-                    pass  # the full header decides
-            try:
-                program = cl.Program(self.context, text).build(options=options)
-            except cl.RuntimeError as error:
-                raise KernelBuildError(
-                    f"{source} does not compile on {self.info.label} with {' '.join(options)}:\n{error}"
-                ) from error
-        self.short_header = False  # this version needs the full one
-        return program
+    @property
+    def builds(self) -> int:
+        """Programs compiled so far, in all."""
+        return self.programs.builds
 
     # ---- time
 
@@ -494,8 +318,7 @@ class Runtime:
 
     @property
     def noted(self) -> int:
-        """Number of passes that this thread's frame has so far, skipped ones counted: the place
-        that the next one gets in `times`."""
+        """Place in `times` of the next pass of this thread's frame."""
         return len(self._log.events) + len(self._log.skips)
 
     def finish(self) -> None:
@@ -504,10 +327,7 @@ class Runtime:
 
 
 def serialised(function: Callable[P, T]) -> Callable[P, T]:
-    """Make a function of the library run alone on its device, see `Runtime.exclusively`.
-
-    The device is that of `runtime`, or of an argument in device memory, or the default.
-    """
+    """Make a function run alone on the device of `runtime` or of an argument, or the default one."""
 
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> T:
@@ -524,70 +344,5 @@ def serialised(function: Callable[P, T]) -> Callable[P, T]:
     return call
 
 
-def _chosen(name: str | None, lanes: int | None, storage: str | None) -> tuple[DeviceInfo, KernelVariant]:
-    """Return the device and the kernel variant that `Runtime.open` is asked for."""
-    info = drivers.choose(name)
-    variant = info.best
-    assert variant is not None  # noqa: S101  choose() returns usable devices only
-    if lanes is not None or storage is not None:
-        variant = KernelVariant(variant.lanes if lanes is None else lanes, storage or "buffer")
-        reason = info.speeds.get(str(variant))
-        if isinstance(reason, str):
-            raise DeviceError(f"{info.label} cannot run {variant}: {reason}")
-    return info, variant
-
-
-_NO_HEADER = "-D_OPENCL_H_"
-"""The include guard of Clang's opencl-c.h, which PoCL 3 includes in every program."""
-
 _OPENED: dict[tuple[Any, ...], Runtime] = {}
 _OPENING = threading.RLock()
-_loaded_driver: str | None = None
-_forked = False
-
-
-def _note_fork() -> None:
-    global _forked
-    _forked = _loaded_driver is not None
-
-
-os.register_at_fork(after_in_child=_note_fork)
-
-
-def check_not_forked() -> None:
-    """Raise DeviceError if this process was forked after a device was opened.
-
-    Drivers keep threads and locks that a fork does not copy: the first call would wait for ever.
-    """
-    if _forked:
-        raise DeviceError(
-            f"process {os.getpid()} was forked after its parent had opened an OpenCL device, which "
-            "works in the parent alone: start processes that compute by "
-            'multiprocessing.get_context("spawn"), or open the device after the fork'
-        )
-
-
-def _load_driver(info: DeviceInfo) -> None:
-    """Make the loader see this driver alone, which only works before its first use."""
-    global _loaded_driver
-    if _loaded_driver is None:
-        asked = os.environ.get("OCL_ICD_VENDORS")
-        os.environ["OCL_ICD_VENDORS"] = info.driver
-        os.environ |= replaced_caches()
-        if "pocl" in info.label.lower():
-            pocl_cache.guard()
-        try:
-            cl = opencl()
-
-            cl.get_platforms()
-        finally:
-            if asked is None:
-                del os.environ["OCL_ICD_VENDORS"]
-            else:
-                os.environ["OCL_ICD_VENDORS"] = asked
-        _loaded_driver = info.driver
-    elif _loaded_driver != info.driver:
-        raise DeviceError(
-            f"this process already uses the driver {_loaded_driver}; {info.label} needs "
-            f"{info.driver}, and two drivers can clash in one process: use another process"
-        )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import xml.etree.ElementTree as ET
 from typing import Any
 
 import pytest
@@ -17,6 +18,7 @@ from ssgi_cl.tuning.case import Case
 from ssgi_cl.tuning.context import Context, TruthSettings
 
 from .documents import entry, whole
+from .drawings import marked, path_points, texts
 
 pytest.importorskip("embreex", reason="embreex is not installed (extra 'truth')")
 
@@ -63,8 +65,12 @@ def test_a_floor_is_not_on_the_front() -> None:
 def test_a_floor_is_a_level_line_in_the_plot() -> None:
     results = documented()
     drawn = plot(results, looks(["embree", "floor", "gtao"], ["embree"]), "title", "occlusion")
-    assert "<title>floor.1: RMSE 0.0700</title>" in drawn
-    assert drawn.count('class="point"') == 2  # of gtao and embree
+    root = ET.fromstring(drawn)
+    assert len(marked(root, "bound")) == 2
+    assert {"floor.1", "floor.2"} <= set(texts(root))
+    (level,) = {y for _, y in path_points(marked(root, "bound")[0])}
+    ((_, gtao),) = path_points(marked(root, "family-gtao")[0])
+    assert gtao < level  # y goes down: gtao has more error than the floor
     assert plot(results[:2], looks(["floor"], []), "title", "occlusion") == ""
 
 

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
-import re
+import sys
+import xml.etree.ElementTree as ET
 
 import pytest
 
 from ssgi_cl.bench import plot
+from ssgi_cl.core.errors import MissingExtraError
 
 from .documents import entry
+from .drawings import marked, path_points, texts
+
+pytest.importorskip("matplotlib", reason="matplotlib is not installed (extra 'plots')")
 
 
-def test_axis_names_values_within_and_puts_zero_at_its_low_end() -> None:
-    axis = plot.Axis.over([0.0, 0.02, 0.5], 0.0, 100.0)
-    assert axis.ticks() == pytest.approx([0.02, 0.05, 0.1, 0.2, 0.5])
-    assert axis.at(0.0) == 0.0
-    assert 0.0 < axis.at(0.02) < axis.at(0.1) < axis.at(0.5) < 100.0
-    assert len(plot.Axis.over([3.0], 0.0, 100.0).ticks()) >= 2
-    assert plot.Axis.over([1e-6, 1e3], 0.0, 100.0).ticks() == pytest.approx([10.0**power for power in range(-6, 4)])
+def test_limits_hold_all_values_above_zero_with_room() -> None:
+    low, high = plot.limits([0.0, 0.02, 0.5])
+    assert 0.01 < low < 0.02
+    assert 0.5 < high < 1.0
+    low, high = plot.limits([3.0])
+    assert high / low == pytest.approx(10.0**0.48)
+    assert plot.limits([0.0]) == pytest.approx((10.0**-0.24, 10.0**0.24))
 
 
 @pytest.mark.parametrize(
@@ -32,10 +37,9 @@ def test_axis_names_values_within_and_puts_zero_at_its_low_end() -> None:
 def test_settings_are_joined_in_their_order(settings: list[str], order: list[int]) -> None:
     times = [1.0, 2.0, 4.0]
     results = [entry(f"a.{s}.hall.8x6", t) for s, t in zip(settings, times, strict=True)]
-    drawn = plot.plot(results, plot.looks(["a"], []), "a", "occlusion")
-    line = re.search(r'class="line c0" d="M([^"]*)"', drawn)
-    assert line
-    across = [float(point.split()[0]) for point in line[1].split("L")]
+    root = ET.fromstring(plot.plot(results, plot.looks(["a"], []), "a", "occlusion"))
+    (line,) = marked(root, "family-a")
+    across = [x for x, _ in path_points(line)]
     assert [sorted(across).index(x) for x in across] == order
 
 
@@ -46,23 +50,39 @@ def test_peers_are_dashed_and_unsteady_points_hollow() -> None:
         entry("b.1.hall.8x6", 3.0),
         entry("b.2.hall.8x6", 4.0, 0.04),
     ]
-    drawn = plot.plot(results, plot.looks(["a", "b"], ["b"]), "t", "occlusion")
-    assert 'class="line c0"' in drawn
-    assert 'class="line dashed c1"' in drawn
-    assert drawn.count("point unsteady") == 1
-    assert "unsteady: it jumps" in drawn
+    root = ET.fromstring(plot.plot(results, plot.looks(["a", "b"], ["b"]), "t", "occlusion"))
+    dashed = ["stroke-dasharray" in ET.tostring(marked(root, f"family-{name}")[0], "unicode") for name in "ab"]
+    assert dashed == [False, True]
+    assert len(marked(root, "unsteady")) == 1
 
 
-def test_labels_cover_neither_points_nor_each_other() -> None:
-    points = [(300.0 + 4.0 * i, 200.0 + 3.0 * i, f"{i}-half") for i in range(20)]
-    placed = [text for text in plot._labels(points) if text]
-    assert 2 <= len(placed) < 20  # the rest has its title alone
-    spots = []
-    for text in placed:
-        found = re.match(r'<text x="([\d.]+)" y="([\d.]+)" class="(\w+)">(.*)</text>', text)
-        assert found
-        wide = 6.4 * len(found[4])
-        left = float(found[1]) - {"start": 0.0, "middle": 0.5, "end": 1.0}[found[3]] * wide
-        spots.append((left, float(found[2]) - 9.0, left + wide, float(found[2]) + 2.0))
-    for i, spot in enumerate(spots):
-        assert not plot._overlaps(spot, spots[:i])
+def test_a_plot_has_a_title_axes_and_a_legend_and_is_the_same_every_time() -> None:
+    results = [entry("a.1.hall.8x6", 1.0, 0.2), entry("b.few.hall.8x6", 2.0, 0.05, front=True)]
+    drawn = plot.plot(results, plot.looks(["a", "b"], []), "Bounce <1>", "bounce")
+    root = ET.fromstring(drawn)
+    written = texts(root)
+    assert {"Bounce <1>: RMSE over time, both logarithmic", "a", "b", "1", "few", "2", "0.1"} <= set(written)
+    assert "median time, ms" in written
+    assert "RMSE against the world, W/m²" in written
+    assert len(marked(root, "front")) == 1
+    assert drawn == plot.plot(results, plot.looks(["a", "b"], []), "Bounce <1>", "bounce")
+
+
+def test_an_error_of_zero_is_drawn_at_the_end_of_the_axis() -> None:
+    results = [entry("a.1.hall.8x6", 1.0, 0.2), entry("a.2.hall.8x6", 2.0, 0.0)]
+    (line,) = marked(ET.fromstring(plot.plot(results, plot.looks(["a"], []), "t", "occlusion")), "family-a")
+    (_, high), (_, low) = path_points(line)
+    assert 0.0 < high < low < 400.0  # y goes down
+
+
+def test_labels_that_would_cover_points_or_each_other_are_left_out() -> None:
+    results = [entry(f"a.{i}-half.hall.8x6", 2.0 + 0.02 * i, 0.05 + 0.0005 * i) for i in range(20)]
+    written = texts(ET.fromstring(plot.plot(results, plot.looks(["a"], []), "t", "occlusion")))
+    assert 2 <= sum(text.endswith("-half") for text in written) < 20
+
+
+def test_without_matplotlib_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(MissingExtraError, match=r"pip install 'ssgi-cl\[plots\]'"):
+        plot.plot([entry()], plot.looks(["ssao"], []), "t", "occlusion")
+    assert plot.plot([], {}, "t", "occlusion") == ""

@@ -13,7 +13,8 @@ from ssgi_cl.core.errors import DeviceError, DeviceMemoryError, KernelBuildError
 from ssgi_cl.device import drivers, sources
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.drivers import KernelVariant
-from ssgi_cl.device.runtime import MOST_PREPARED, Runtime
+from ssgi_cl.device.prepared import MOST_PREPARED
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA
 from ssgi_cl.device.timing import PassTime
 

@@ -117,12 +117,12 @@ def test_memory_that_is_free_gives_way(memory: TransientMemory, monkeypatch: pyt
     monkeypatch.setattr(runtime, "transient", memory)
     plane = memory.plane(1, SIZE)
     monkeypatch.setattr(runtime.memory, "limit", runtime.memory.used + MEBI // 2)
-    runtime._calls += 1
+    runtime._prepared.calls += 1
     with pytest.raises(DeviceMemoryError, match="no room"):
         memory.reserve(1000 * MEBI)
     assert memory.size == BYTES
     del plane
-    runtime._calls += 1
+    runtime._prepared.calls += 1
     assert memory.let_go(runtime.calls)
     assert memory.size == 0
 

@@ -16,7 +16,8 @@ import pytest
 import ssgi_cl as gi
 from ssgi_cl.core.errors import DeviceError, DeviceMemoryError
 from ssgi_cl.device import host_memory
-from ssgi_cl.device.runtime import Runtime, check_not_forked
+from ssgi_cl.device.process import check_not_forked
+from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.params import FrameParams
 from ssgi_cl.frame.render import Renderer
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES

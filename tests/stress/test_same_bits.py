@@ -80,7 +80,7 @@ def test_no_kernel_needs_the_full_header_of_built_in_functions(
     for used in (runtime, scalar):
         results(given_once, used, [name for name in TECHNIQUES if name not in ALIKE])
         # It is given up where a program compiles with the full header alone, which takes longer.
-        assert used.short_header, "common/builtins.clh lacks a function that a kernel calls"
+        assert used.programs.short_header, "common/builtins.clh lacks a function that a kernel calls"
 
 
 @pytest.mark.slow

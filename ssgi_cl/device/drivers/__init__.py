@@ -190,3 +190,20 @@ def _looked_at(driver: Path) -> Found:
                 if found.lasting:
                     records.save(driver, found)
     return found
+
+
+def choose_variant(name: str | None, lanes: int | None, storage: str | None) -> tuple[DeviceInfo, KernelVariant]:
+    """Return the device and the kernel variant that `Runtime.open` is asked for.
+
+    Raises:
+        DeviceError: no such device, or it cannot run this variant.
+    """
+    info = choose(name)
+    variant = info.best
+    assert variant is not None  # noqa: S101  choose() returns usable devices only
+    if lanes is not None or storage is not None:
+        variant = KernelVariant(variant.lanes if lanes is None else lanes, storage or "buffer")
+        reason = info.speeds.get(str(variant))
+        if isinstance(reason, str):
+            raise DeviceError(f"{info.label} cannot run {variant}: {reason}")
+    return info, variant

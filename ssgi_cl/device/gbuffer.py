@@ -25,6 +25,7 @@ class DeviceGBuffer:
     """A G-buffer that stays on the device from frame to frame.
 
     Attributes:
+        runtime: the device.
         size: (rows, columns) of the camera's image and of every result.
         margin: (rows, columns) by which the planes exceed it on every side.
         layers: of depth.

@@ -225,7 +225,7 @@ class UpsampleBlur:
         self._scales = {**blur.scales(), "background": background}
         self._kernels = [
             runtime.kernel(
-                f"upsample/upsample_blur_{direction}.cl",
+                f"filters/upsample_blur_{direction}.cl",
                 {"UPSAMPLE_STEP": step, "BLUR_RADIUS": blur.radius},
                 (CAMERA, UPSAMPLE),
             )

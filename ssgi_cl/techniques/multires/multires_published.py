@@ -93,7 +93,7 @@ class MultiresPublished(Prepared[MultiresPublishedParams]):
         # The light of a level and all coarser ones; that of the coarsest is its own.
         self._merged = [(runtime.plane(3, own), runtime.plane(1, own)) for own in sizes[:-1]]
         self._no_light = NoLight(runtime, size, self.name)
-        folder = "multires_published/subsplat_"
+        folder = "multires/subsplat_"
         self._vary, self._mip = (runtime.kernel(f"{folder}{name}.cl") for name in ("variation", "mip"))
         self._refine = runtime.kernel(f"{folder}refine.cl", structs=(SUBSPLAT,))
         self._shade = runtime.kernel(

@@ -107,7 +107,7 @@ def test_lights_looked_at_are_counted(box: Context) -> None:
 
 def test_lights_looked_at_at_few_points_are_those_of_all_levels(box: Context) -> None:
     # All points are computed and nothing stands for several lights: those that face each group.
-    every = multires_errors(box, {"coarsest": 1, "error": 0.0, "light_error": 0.0})
+    every = multires_errors(box, {"coarsest": 1, "interpolation_error": 0.0, "light_error": 0.0})
     assert every.error == pytest.approx(0.0, abs=1e-3)
     assert 512.0 < every.beside <= 1.1 * 1024.0
     usual = multires_errors(box, {})

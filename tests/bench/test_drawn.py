@@ -81,7 +81,7 @@ def test_layers_and_further_cameras_of_a_frame_are_drawn(context: Context) -> No
         with context.runtime.frame():
             subject.run()
         ran = [p.name for p in context.runtime.times() if not p.skipped]
-        counts.append(sum(name.startswith("raster tiles") for name in ran))
+        counts.append(sum(name.startswith("raster_tiles") for name in ran))
     # A pass for each layer and each auxiliary camera.
     assert counts == [1, 2, 2, 3]
 

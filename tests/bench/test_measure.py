@@ -50,7 +50,7 @@ def test_the_reference_measured_against_itself_has_the_ratio_one(runtime: Runtim
     # On a quiet machine within 2 %; other programs may take a core from one and not the other.
     assert 0.5 < timing.ratio.median < 2.0
     assert timing.runs == 20
-    assert list(timing.passes) == ["gathers"]
+    assert list(timing.passes) == ["calibrate_gather"]
     assert timing.device_ms is not None
     assert timing.device_ms.low <= timing.device_ms.median <= timing.device_ms.high
 
@@ -116,11 +116,11 @@ def test_passes_of_one_name_add_up_and_skipped_ones_keep_their_reason(runtime: R
         runtime.skip("blur", "radius 0")
 
     timing = Stopwatch(runtime, runs=4).time(Subject(run=run))
-    assert list(timing.passes) == ["gathers"]
+    assert list(timing.passes) == ["calibrate_gather"]
     assert timing.skipped == {"blur": "radius 0"}
     assert timing.device_ms is not None
     # All of the device's time is that pass; both are medians of the same sums.
-    assert timing.passes["gathers"] == pytest.approx(timing.device_ms.median, rel=1e-6)
+    assert timing.passes["calibrate_gather"] == pytest.approx(timing.device_ms.median, rel=1e-6)
 
 
 def test_what_drifts_is_measured_again_and_then_called_unsteady(

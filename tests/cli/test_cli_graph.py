@@ -47,6 +47,8 @@ def test_outputs_cull_what_they_do_not_need(tmp_path: Path) -> None:
         "sky light",
         "bounce",
         "combine",
+        "reflections",
+        "blended layers",
         "read-back",
         "exposure",
         "picture",
@@ -56,7 +58,7 @@ def test_outputs_cull_what_they_do_not_need(tmp_path: Path) -> None:
 
 def test_the_next_frame_of_the_same_inputs_reuses_stages(tmp_path: Path) -> None:
     found = states(drawn(tmp_path / "a.json", "--again"))
-    assert {found[name] for name in ("G-buffer", "gtao", "combine", "picture")} == {"reused"}
+    assert {found[name] for name in ("G-buffer", "gtao", "blended layers", "picture")} == {"reused"}
     assert found["shadow maps"] == "unneeded"
 
 

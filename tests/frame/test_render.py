@@ -99,7 +99,7 @@ def test_frame_holds_arrays_of_the_documented_shape_and_type(runtime: Runtime, s
 def test_passes_are_named_and_timed_in_the_order_they_ran(runtime: Runtime, small: Scene) -> None:
     frame = render(small, viewer(), LIGHTS, bounces=0, shadow_size=128, runtime=runtime)
     ran = names(frame)
-    wanted = ["view normals", "gtao", "light directional", "light point", "light spot", "combine", "tonemap"]
+    wanted = ["gbuffer_normals", "gtao", "shade_light", "shade_combine", "tonemap"]
     first = [ran.index(name) for name in wanted]
     assert first == sorted(first)
     assert all(p.ms >= 0.0 for p in frame.passes)
@@ -316,7 +316,7 @@ def test_auxiliary_cameras_show_ssdo_more_that_sends_light(runtime: Runtime) -> 
     assert few.indirect is not None
     assert more.indirect is not None
     assert more.indirect.mean() > 1.005 * few.indirect.mean()
-    assert names(more).count("ssdo view") == 2
+    assert names(more).count("ssdo_views") == 2
     again = box(runtime, indirect="ssdo", ao_radius=0.5, auxiliary_cameras=2)
     np.testing.assert_array_equal(more.radiance, again.radiance)
 

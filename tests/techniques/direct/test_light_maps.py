@@ -54,7 +54,7 @@ def test_maps_are_kept_while_nothing_changes(runtime: Runtime, scene: Scene, flu
     # Equal lights are the same lights.
     again = (replace(SPOT), *LIGHTS[1:])
     names = ["map spot", "map point", "map directional"]
-    assert drawn(maps, scene, again) == (names, ["shadow blocks"] * 3)
+    assert drawn(maps, scene, again) == (names, ["shadow_blocks"] * 3)
     assert drawn(maps, scene, again) == (names, [])
 
 

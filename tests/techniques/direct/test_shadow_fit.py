@@ -315,7 +315,7 @@ def test_kept_parts_give_the_bits_of_parts_drawn_anew(runtime: Runtime) -> None:
         seen = depths.find(device)
         with runtime.frame():
             held, _ = kept.draw(STREET.scene, LIGHTS, seen=seen)
-            drawn += [p.name for p in runtime.times()].count("raster depth")
+            drawn += [p.name for p in runtime.times()].count("raster_depth")
         fresh, _ = LightMaps(runtime, 64, flux=False).draw(STREET.scene, LIGHTS, seen=seen)
         for light, one, other in zip(LIGHTS, held, fresh, strict=True):
             assert one is not None

@@ -185,7 +185,7 @@ def test_blur_of_no_reach_returns_the_image(runtime: Runtime, rng: np.random.Gen
     blur = Bilateral(runtime, gbuffer.size, BilateralParams(**params))
     value = runtime.plane(1, gbuffer.size)
     assert blur.run(on_device(gbuffer, runtime), value) is value
-    assert [p.name for p in runtime.times() if p.skipped] == ["blur"]
+    assert [p.name for p in runtime.times() if p.skipped] == ["bilateral_blur"]
 
 
 def test_pixels_with_nothing_keep_their_value_and_give_none(variant_runtime: Runtime, rng: np.random.Generator) -> None:

@@ -116,17 +116,24 @@ def test_meshes_of_a_folder_are_found_once(tmp_path: Path) -> None:
 # ---- measurements
 
 
-def test_frames_and_peers_are_measured(runtime: Runtime) -> None:
+@pytest.mark.parametrize(
+    ("own", "samples"),
+    [
+        (["low", "direct"], (1,)),
+        pytest.param([DEFAULT, "multires", "direct"], (1, 16), marks=pytest.mark.slow),  # all: below
+    ],
+    ids=["low", "default"],
+)
+def test_frames_and_peers_are_measured(runtime: Runtime, own: list[str], samples: tuple[int, ...]) -> None:
     _, view = variants(make_scene("cornell_box"))
     expected = reference(view, SIZE, 64)
-    own = [DEFAULT, "multires", "direct"]  # all: in the slow tests
     rows, skipped = measure(
         view,
         SIZE,
         runtime,
         expected.mean,
         frames=1,
-        samples=(1, 16),
+        samples=samples,
         modes={
             **{name: MODES[name] for name in own},
             "unknown": Mode({"no_such_option": 1}),
@@ -138,13 +145,17 @@ def test_frames_and_peers_are_measured(runtime: Runtime) -> None:
     assert list(found)[: len(own)] == own
     assert all(row.first_ms > 0.0 and row.kept_ms > 0.0 for row in rows)
     assert all(row.radiance.shape == (*SIZE, 3) for row in rows)
-    # One bounce is nearer to all of them than none.
-    assert found["default"].error.flip < found["multires"].error.flip < found["direct"].error.flip
+    # More bounces are nearer to all of them than fewer.
+    errors = [found[name].error.flip for name in own]
+    assert errors == sorted(errors)
+    assert errors[0] < errors[-1]
     if mitsuba_frame.missing():
         assert any("path: " in line for line in skipped)
         return
-    assert found["path 16"].error.flip < found["path 1"].error.flip
-    assert abs(found["path 16"].error.bias) < 0.1
+    assert [name for name in found if re.fullmatch(r"path \d+", name)] == [f"path {count}" for count in samples]
+    if 16 in samples:
+        assert found["path 16"].error.flip < found["path 1"].error.flip
+        assert abs(found["path 16"].error.bias) < 0.1
     if not mitsuba_frame.missing(denoised=True):
         assert found["path 1 + OIDN"].error.flip < found["path 1"].error.flip
 
@@ -163,6 +174,7 @@ def test_ablation_of_the_spot_lit_box_blames_the_bounces(runtime: Runtime) -> No
     assert sum(shares) == pytest.approx(1.0, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_the_skys_light_is_what_the_frame_has_of_it(runtime: Runtime) -> None:
     # In the room `parlour` no sky is seen, neither by paths nor by the frame; a frame of direct
     # light alone has an ambient term there.
@@ -197,6 +209,7 @@ def test_pixels_of_glossy_surfaces_are_a_term(runtime: Runtime) -> None:
     assert terms[GLOSSY].alone.flip < 0.95 * terms[NOTHING].alone.flip
 
 
+@pytest.mark.slow
 def test_the_noise_of_the_reference_is_told(runtime: Runtime) -> None:
     view = make_scene("cornell_box")
     few, many = (

@@ -115,6 +115,7 @@ def test_other_lights_keep_their_places() -> None:
     assert "directional light" in note
 
 
+@pytest.mark.slow
 def test_a_sun_in_an_environment_lights_a_frame_as_paths_do(runtime: Runtime) -> None:
     pytest.importorskip("mitsuba", reason="mitsuba is not installed (extra 'truth')")
     built = make_scene("colonnade-11")
@@ -139,5 +140,22 @@ def test_the_background_shows_the_sun(runtime: Runtime) -> None:
     sunny = sky(0.02, 0.8, up)
     above = np.asarray(built.scene.bounds).max(axis=0) + 10.0
     camera = gi.Camera.look_at(above, above + up, (0, 0, 1), yfov=0.1, width=16, height=12)
-    seen = gi.render(built.scene, camera, [sunny], preset="low", exposure=1.0, runtime=runtime).radiance
+    given: dict[str, Any] = {"preset": "low", "exposure": 1.0, "runtime": runtime}
+    seen = gi.render(built.scene, camera, [sunny], **given).radiance
     assert seen.max() == pytest.approx(np.asarray(sunny.radiance).max(), rel=1e-3)
+
+
+def test_a_sun_in_an_environment_lights_surfaces_as_the_directional_light_does(runtime: Runtime) -> None:
+    built = make_scene("colonnade-11")
+    sunny = sky(0.02, 0.8)
+    given: dict[str, Any] = {"preset": "low", "exposure": 1.0, "runtime": runtime}
+    camera = built.camera(48, 36)
+    frame = gi.render(built.scene, camera, [sunny], **given)
+    (told,) = [entry for entry in frame.passes if entry.name == "suns"]
+    assert "directional light" in (told.skipped or "")
+    (sun,), rest = split_suns(sunny)
+    surface = np.isfinite(np.asarray(gi.rasterize.gbuffer(built.scene, camera, runtime=runtime).depth)).reshape(36, 48)
+    expected = gi.render(built.scene, camera, [rest, sun], **given).radiance
+    np.testing.assert_array_equal(frame.radiance[surface], expected[surface])
+    dark = gi.render(built.scene, camera, [rest], **given).radiance
+    assert frame.radiance[surface].mean() > 2.0 * dark[surface].mean()

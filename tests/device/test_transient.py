@@ -144,8 +144,15 @@ def spoilt(runtime: Runtime) -> Iterator[Runtime]:
     runtime._prepared.clear()
 
 
-@pytest.mark.parametrize("mode", MODES)
-@pytest.mark.parametrize("scene", ["cornell_box", "machine-3"])
+@pytest.mark.parametrize(
+    ("scene", "mode"),
+    [
+        # Every mode, and both scenes; the slow tests take each mode in each of them.
+        pytest.param(scene, mode, marks=[pytest.mark.slow] * ((number % 2 == 0) != (scene == "cornell_box")))
+        for scene in ("cornell_box", "machine-3")
+        for number, mode in enumerate(MODES)
+    ],
+)
 def test_no_bit_depends_on_what_memory_held_before(spoilt: Runtime, scene: str, mode: str) -> None:
     built = make_scene(scene)
     lights = (*built.lights, gi.Environment((0.2, 0.3, 0.4)))

@@ -101,6 +101,7 @@ def test_a_room_with_panes_has_the_light_of_all_bounces() -> None:
     closely(radiance(scene, camera, [], 256), 2.0)
 
 
+@pytest.mark.slow
 def test_mitsubas_own_integrator_finds_the_same() -> None:
     glow = Material(albedo=(0.3,) * 3, emission=(5.0,) * 3)
     panes = [replace(SMOKE, alpha=0.6), Material(albedo=(0.2,) * 3, transmission=(0.5,) * 3)]
@@ -116,6 +117,7 @@ def test_mitsubas_own_integrator_finds_the_same() -> None:
     closely(found, *mitsubas_own(scene, lights, camera, 256, kind="volpath", rr_depth=32))
 
 
+@pytest.mark.slow
 def test_scalar_variant_agrees(monkeypatch: pytest.MonkeyPatch) -> None:
     texture = np.full((1, 1, 4), 128, np.uint8)
     scene = quads(

@@ -107,6 +107,7 @@ def test_mitsubas_own_integrator_finds_the_same(open_to_a_sky: bool) -> None:
     closely(found, *mitsubas_own(scene, lights, camera, 128, rr_depth=8))
 
 
+@pytest.mark.slow
 def test_scalar_variant_agrees(monkeypatch: pytest.MonkeyPatch) -> None:
     scene, lights = box(12.0)
     camera = Camera.look_at((0.3, 0.6, 0.8), (0.7, 0.2, 0.1), width=6, height=4, yfov=1.2)

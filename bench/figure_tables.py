@@ -47,6 +47,8 @@ ORDER = (
     "vpl_splat",
     "multires_splat",
     "ssdo",
+    "radiosity",
+    "reflections",
     "bilateral_blur",
     "upsample",
     "shade",

@@ -87,6 +87,8 @@ PASSES = (
     "upsample.2",
     "direct.1024",
     "frame.16",
+    "radiosity.2048",
+    "reflections.1",
 )
 WALLS = ("vpl-visibility", "multires-visibility", "mitsuba-path", "mitsuba-path-oidn")
 CUTS = ("vpl-cut", "vpl-cut-restored", "vpl-cut-plain.1-percent")

@@ -16,6 +16,8 @@ PARAMETERS: Mapping[str, type[Params]] = {
     "bilateral_blur": BilateralParams,
     "upsample": gi.UpsampleParams,
     "shade": gi.ShadeParams,
+    "radiosity": gi.RadiosityParams,
+    "reflections": gi.ReflectionsParams,
     "sampled_lights": gi.SampledLightsParams,
     "tonemap": gi.TonemapParams,
     "ssdo": gi.SsdoParams,

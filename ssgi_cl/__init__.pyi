@@ -61,6 +61,12 @@ from .techniques.multires.multires_splat import MultiresSplat as MultiresSplat
 from .techniques.multires.multires_splat import MultiresSplatParams as MultiresSplatParams
 from .techniques.multires.multires_splat import multires_splat as multires_splat
 from .techniques.presets.choose import Choice as Choice
+from .techniques.radiosity.radiosity import Radiosity as Radiosity
+from .techniques.radiosity.radiosity import RadiosityParams as RadiosityParams
+from .techniques.radiosity.radiosity import radiosity as radiosity
+from .techniques.reflections.reflections import Reflections as Reflections
+from .techniques.reflections.reflections import ReflectionsParams as ReflectionsParams
+from .techniques.reflections.reflections import reflections as reflections
 from .techniques.rsm.rsm_gather import RsmGather as RsmGather
 from .techniques.rsm.rsm_gather import RsmGatherParams as RsmGatherParams
 from .techniques.rsm.rsm_gather import rsm_gather as rsm_gather

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -124,6 +125,26 @@ def _sampled_lights() -> tuple[Picture, ...]:
     return _light(np.repeat(math.pi * ao[..., None], 3, axis=-1), light)
 
 
+def _radiosity() -> tuple[Picture, ...]:
+    built, _, gbuffer = _scene("cornell_box")
+    maps, scene = _maps("cornell_box"), built.scene
+    once = gi.multires_splat(gbuffer, maps, visibility=True, scene=scene)
+    vpls = gi.radiosity(scene, built.lights, rsms=maps)
+    params = gi.MultiresSplatParams(vpls=len(vpls), visibility=True)
+    return _light(once, once + gi.MultiresSplat(gi.Runtime.open(), (HEIGHT, WIDTH), params)(gbuffer, vpls))
+
+
+def _reflections() -> tuple[Picture, ...]:
+    built, camera, matt = _scene("cornell_box")
+    glossy = (replace(material, specular=(0.3,) * 3, gloss=400.0) for material in built.scene.materials)
+    scene, maps = replace(built.scene, materials=tuple(glossy)), _maps("cornell_box")
+    gbuffer = gi.rasterize.gbuffer(scene, camera)
+    irradiance = gi.multires_splat(matt, maps, visibility=True, scene=scene)
+    radiance = gi.shade(matt, built.lights, shadow_maps=_rsms("cornell_box"), indirect=irradiance)
+    shown = gi.reflections(gbuffer, radiance, built.lights, scene=scene, shadow_maps=_rsms("cornell_box"))
+    return _light(radiance, shown)
+
+
 def _tonemap() -> tuple[Picture, ...]:
     built, _, gbuffer = _scene("hall")
     radiance = gi.shade(gbuffer, built.lights, shadow_maps=_rsms("hall"))
@@ -148,6 +169,8 @@ PICTURES: dict[str, Callable[[], tuple[Picture, ...]]] = {
     "upsample": _upsample,
     "shade": _shade,
     "sampled_lights": _sampled_lights,
+    "radiosity": _radiosity,
+    "reflections": _reflections,
     "tonemap": _tonemap,
     "ssdo": _ssdo,
     "rsm_gather": lambda: _reflected(gi.rsm_gather),

@@ -11,6 +11,8 @@ from ssgi_cl.techniques.ao import bitmask_ao, gtao, hbao, ssao
 from ssgi_cl.techniques.direct import shade
 from ssgi_cl.techniques.filters import bilateral, tonemap, upsample
 from ssgi_cl.techniques.multires import multires_splat
+from ssgi_cl.techniques.radiosity import radiosity
+from ssgi_cl.techniques.reflections import reflections
 from ssgi_cl.techniques.rsm import rsm_gather
 from ssgi_cl.techniques.sampled_lights import sampled_lights
 from ssgi_cl.techniques.ssdo import ssdo
@@ -28,8 +30,10 @@ CATALOGUE: dict[str, Technique] = {
         rsm_gather,
         vpl_splat,
         multires_splat,
+        radiosity,
         sampled_lights,
         shade,
+        reflections,
         tonemap,
         bilateral,
         upsample,

@@ -23,7 +23,10 @@ from typing import Any
 from ssgi_cl.core.params import Params
 
 KINDS = ("ao", "indirect", "shading", "filter")
-INPUTS = ("depth", "normal", "albedo", "emission", "thickness", "lights", "rsms", "shadow_maps", "scene", "image")
+INPUTS = (
+    *("depth", "normal", "albedo", "emission", "specular", "gloss", "thickness"),
+    *("lights", "rsms", "shadow_maps", "scene", "image"),
+)
 """What techniques read: images of the G-buffer, and arguments by name; `image` is one to filter."""
 FIRST = ("gbuffer", "scene", "radiance")
 """What the first argument of `run` may be."""

@@ -146,7 +146,7 @@ def test_a_technique_reads_what_its_descriptor_says(runtime: Runtime, given: Inp
 def test_lights_and_maps_are_arguments() -> None:
     for technique, name in product(CATALOGUE.values(), ("lights", "rsms", "shadow_maps", "scene", "image")):
         names = set(inspect.signature(technique.function).parameters)
-        given_name = "radiance" if technique.name == "tonemap" and name == "image" else name
+        given_name = "radiance" if technique.name in ("tonemap", "reflections") and name == "image" else name
         assert (given_name in names) == (name in technique.reads), (technique.name, name)
 
 
@@ -166,9 +166,10 @@ def test_the_table_has_a_row_for_each() -> None:
 @every_technique
 def test_constructors_have_one_order(technique: Technique) -> None:
     parameters = list(inspect.signature(technique.technique).parameters.values())
-    assert [p.name for p in parameters[:3]] == ["runtime", "size", "params"]
-    assert parameters[2].default is None
-    rest = [p.name for p in parameters[3:] if p.kind is p.POSITIONAL_OR_KEYWORD]
+    first = ["runtime", "params"] if technique is CATALOGUE["radiosity"] else ["runtime", "size", "params"]
+    assert [p.name for p in parameters[: len(first)]] == first
+    assert parameters[len(first) - 1].default is None
+    rest = [p.name for p in parameters[len(first) :] if p.kind is p.POSITIONAL_OR_KEYWORD]
     order = ("margin", "layers", "attributes", "channels")
     assert rest == [name for name in order if name in rest]
     keywords = get_type_hints(technique.technique.__init__)

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import ssgi_cl as gi
+from ssgi_cl.bench.calls.radiosity import FEW
 from ssgi_cl.bench.every import Inputs, inputs
 from ssgi_cl.core.params import Params, parameter_fields
 from ssgi_cl.device.runtime import Runtime
@@ -68,6 +69,24 @@ VPLS = {"cutoff": 0.2, "unit_distance": 0.5, "refine": 1.0}
 def sampled(given: Inputs, power: float = 1.0, **params: Any) -> Any:
     lights = [scaled(light, power) for light in given.lights]
     return gi.sampled_lights(given.gbuffer, lights, scene=given.scene, **params)
+
+
+def carried(given: Inputs, **params: Any) -> Any:
+    return gi.radiosity(given.scene, given.lights, rsms=given.maps, **params).flux
+
+
+def mirrored(given: Inputs, **params: Any) -> Any:
+    size = np.shape(given.gbuffer.depth)[-2:]
+    glossy = dataclasses.replace(given.gbuffer, specular=np.full((*size, 3), 0.5), gloss=np.full(size, 60.0))
+    return gi.reflections(
+        glossy,
+        np.linspace(0.0, 1.0, given.image.size).reshape(given.image.shape),
+        given.lights,
+        scene=given.scene,
+        shadow_maps=[given.maps[0], None, None, None],
+        radiosity=FEW,
+        **params,
+    )
 
 
 CASES = {
@@ -146,6 +165,8 @@ CASES = {
         {"radius": 0.2, "offset": 3.0, "position_tolerance": 0.5, "normal_tolerance": 2.5},
     ),
     "sampled_lights": Case(sampled, Params, {"directions": 16, "map_size": 32}, {"power": 3.0}),
+    "radiosity": Case(carried, gi.RadiosityParams, vars(FEW)),
+    "reflections": Case(mirrored, gi.ReflectionsParams, {}, {"thickness": 0.1}),
     "vpl_splat": Case(on_map(gi.vpl_splat), gi.VplSplatParams, {"vpls": 64, "cutoff": 0.01}, VPLS),
     "multires_splat": Case(
         on_map(gi.multires_splat),
@@ -239,7 +260,7 @@ def check(
     assert runtime.allocated_bytes > before[1]
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", [name for name, case in CASES.items() if case.changed])
 def test_values_are_arguments(runtime: Runtime, given: Inputs, name: str) -> None:
     case = CASES[name]
     check(runtime, lambda params: bits(case.call(given, runtime=runtime, **params)), case.base, case.changed)

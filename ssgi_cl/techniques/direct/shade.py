@@ -330,7 +330,7 @@ DESCRIPTOR = Technique(
         "direct/shadow_blocks.cl": (),
         "direct/seen_depths.cl": (),
     },
-    reads=("depth", "normal", "albedo", "emission", "lights", "shadow_maps"),
+    reads=("depth", "normal", "albedo", "emission", "specular", "gloss", "lights", "shadow_maps"),
     writes=("radiance",),
     quantity="direct",
     bench=Bench(

@@ -157,7 +157,9 @@ class OccupancyGrid:
         """
         bounds = np.zeros(VPL_BOX, np.float32)
         bounds[:3], bounds[3:6] = -half / unit, half / unit
-        self._whole = self.runtime.array(bounds)
+        if self._whole is None:
+            self._whole = self.runtime.empty(VPL_BOX, np.float32)
+        self._whole.upload(bounds)
         grid, box = self._own or self._empty(self.runtime.transient.array)
         none = dict.fromkeys((name for name, _ in VPL.members), 0)
         self._clear.run(

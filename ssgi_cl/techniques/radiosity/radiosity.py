@@ -5,22 +5,27 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.core.gbuffer import ReflectiveShadowMap
 from ssgi_cl.core.lights import Environment, Light, environments_of, shines
 from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.vpls import PARTS, Vpls
 from ssgi_cl.device.rsm import DeviceRsm
-from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.device.runtime import Runtime, serialised
+from ssgi_cl.techniques.direct.shadow_maps import checked_lights
 from ssgi_cl.techniques.occupancy.occupancy_grid import GRIDS
 from ssgi_cl.techniques.radiosity.light_volume import LightVolume, SentLight
 from ssgi_cl.techniques.radiosity.sky_directions import sky_directions
 from ssgi_cl.techniques.radiosity.surfels import Surfels
 from ssgi_cl.techniques.radiosity.surfels_on_device import DeviceSurfels
+from ssgi_cl.techniques.technique import Bench, Technique
 from ssgi_cl.techniques.vpl.packed_vpls import DeviceVpls, VplChooser
+from ssgi_cl.techniques.vpl.vpl_choice import on_device_rsms
 from ssgi_cl.techniques.vpl.world_vpls import WorldVpls
 
 Floats = NDArray[np.float32]
@@ -67,10 +72,21 @@ class RadiosityParams(Params):
             )
 
 
+class RadiosityKeywords(TypedDict, total=False):
+    """The parameters of `radiosity`."""
+
+    surfels: int
+    bounces: int | str
+    emission: bool
+    vpls: int
+    directions: int
+    grid: int
+
+
 class Radiosity(Prepared[RadiosityParams]):
     """Virtual point lights that send all light but what lights from maps send.
 
-    After Goral et al. 1984, "Modeling the Interaction of Light Between Diffuse Surfaces", with
+    After Goral et al. 1984, "Modeling the Interaction of Light Between Diffuse Surfaces". Departs:
     surfels for patches, one visibility ray for each pair, and rows of form factors that sum to
     what the sky leaves of a hemisphere. Surfaces reflect and emit on both sides.
 
@@ -246,3 +262,74 @@ def sent(surfels: Surfels, irradiance: Doubles, *, emission: bool) -> Vpls:
     return Vpls(
         surfels.position + surfels.origin, surfels.normal, flux.reshape(-1, PARTS, 3).sum(axis=1), surfels.area, parts
     )
+
+
+@serialised
+def radiosity(
+    scene: Scene,
+    lights: Sequence[Light],
+    *,
+    rsms: ReflectiveShadowMap | DeviceRsm | Sequence[ReflectiveShadowMap | DeviceRsm] = (),
+    runtime: Runtime | None = None,
+    **params: Unpack[RadiosityKeywords],
+) -> Vpls:
+    """Compute what the surfaces of a scene send after all bounces, as virtual point lights.
+
+    `MultiresSplat` and `VplSplat` make irradiance of pixels from them. What is needed besides is
+    the light that `rsms` reflect straight, see `multires_splat`, and that of environments, see
+    `sampled_lights`.
+
+    Goral et al. 1984, "Modeling the Interaction of Light Between Diffuse Surfaces". Departs: see
+    `Radiosity`.
+
+    Args:
+        scene: what is lit. Surfels and what they see are kept for the next call with the same one.
+        lights: of which environments count; others are passed over, they are in `rsms`.
+        rsms: reflective shadow maps of the other lights, whose later bounces are computed.
+        runtime: the device; by default the fastest found.
+        **params: the fields of `RadiosityParams`.
+
+    Returns:
+        A light for each surfel, with its parts; none where no surface sees another.
+
+    Raises:
+        TypeError, ValueError: an argument of the wrong type, a parameter out of range, or, with
+            bounces="all", surfaces that are closed in and absorb too little of the light.
+    """
+    lights = checked_lights(lights, None)
+    if not isinstance(scene, Scene):
+        raise TypeError(f"scene is {type(scene).__name__}: expected a Scene")
+    chosen = RadiosityParams(**params)
+    maps = on_device_rsms(rsms, runtime)
+    device = runtime or (maps[0].runtime if maps else Runtime.open())
+    technique: Radiosity = device.prepared((Radiosity, chosen.shape()), lambda: Radiosity(device, chosen))
+    with device.frame():
+        technique.run(scene, lights, rsms=maps)
+    none = np.zeros((0, 3))
+    return technique.vpls or Vpls(none, none, none, np.zeros(0))
+
+
+_GRID = ("VPL_GRID",)
+
+DESCRIPTOR = Technique(
+    name="radiosity",
+    kind="indirect",
+    paper="Goral et al. 1984",
+    function=radiosity,
+    params=RadiosityParams,
+    technique=Radiosity,
+    reference="ssgi_cl.reference.radiosity.radiosity",
+    kernels={
+        "radiosity/radiosity_start.cl": _GRID,
+        "radiosity/radiosity_visibility.cl": _GRID,
+        "radiosity/radiosity_mirror.cl": (),
+        "radiosity/radiosity_sky.cl": _GRID,
+        "radiosity/radiosity_first.cl": _GRID,
+        "radiosity/radiosity_gather.cl": _GRID,
+    },
+    reads=("lights", "rsms", "scene"),
+    writes=("vpls",),
+    bench=Bench(
+        rows={"radiosity": ("what all surfaces send after all bounces", (("2048 surfels, kept", "radiosity.2048"),))}
+    ),
+)

@@ -3,20 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
+from ssgi_cl.core import checks
+from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.lights import Light, environments_of
+from ssgi_cl.core.params import Params, Prepared, param
+from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.arrays import Plane, Size
-from ssgi_cl.device.gbuffer import DeviceGBuffer
-from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
+from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, floats, rotation_values
 from ssgi_cl.device.transient import Target
+from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.techniques.direct.light_data import BRIGHTEST, PunctualLights, ShadowMap
-from ssgi_cl.techniques.occupancy.occupancy_grid import Occupancy
+from ssgi_cl.techniques.direct.shadow_maps import checked_lights, uploaded_maps
+from ssgi_cl.techniques.occupancy.occupancy_grid import Occupancy, OccupancyGrid
 from ssgi_cl.techniques.radiosity.light_volume import CELLS, FACES, LightVolume
+from ssgi_cl.techniques.radiosity.radiosity import Radiosity, RadiosityParams
 from ssgi_cl.techniques.reflections.sky_levels import SkyLevels
+from ssgi_cl.techniques.technique import Bench, Technique
+from ssgi_cl.techniques.vpl.vpl_choice import on_device_rsms
 from ssgi_cl.techniques.vpl_struct import VPL
 
 REFLECT = Struct(
@@ -28,18 +39,37 @@ REFLECT = Struct(
     ),
 )
 
-RAYS = 1
-"""Of a pixel: of 4 x 4 pixels, whose mean is taken, 16. Twice as many change no view's FLIP by more
-than .001 and take twice the time."""
 STRIDE = 4
 """Pixels between those whose means the second pass takes."""
-STEPS = 64
-"""Of a ray on the screen, at most."""
-THICK_CELLS = 2.0
-"""What surfaces that the image shows are taken to be thick, in cells of the occupancy grid."""
 
 
-class Reflections:
+@dataclass(frozen=True, kw_only=True)
+class ReflectionsParams(Params):
+    """Parameters of reflections.
+
+    Twice as many rays change no view's FLIP by more than .001 and take twice the time.
+    """
+
+    rays: int = param(1, "rays of a pixel; the mean of 16 pixels is taken", low=1, high=64)
+    steps: int = param(64, "steps of a ray on the screen, at most", low=1, high=1024, unit="px")
+    thickness: float = param(
+        2.0,
+        "what surfaces that the image shows are taken to be thick",
+        low=0.0,
+        high=256.0,
+        unit="cells of the occupancy grid",
+    )
+
+
+class ReflectionsKeywords(TypedDict, total=False):
+    """The parameters of `reflections`."""
+
+    rays: int
+    steps: int
+    thickness: float
+
+
+class Reflections(Prepared[ReflectionsParams]):
     """Light that surfaces reflect by their Phong lobes, prepared for images of one size.
 
     Rays are followed on the screen (McGuire and Mara 2014, "Efficient GPU Screen-Space Ray
@@ -47,11 +77,17 @@ class Reflections:
     angle of a ray (Krivanek and Colbert 2008, "Real-time Shading with Filtered Importance
     Sampling"). Departs: where a ray is blocked by what the image does not show, a coarse volume
     of what surfaces send has its radiance, the same to all sides.
+
+    Args:
+        runtime: the device.
+        size: (rows, columns) of the images.
+        params: see `ReflectionsParams`.
     """
 
-    def __init__(self, runtime: Runtime, size: Size) -> None:
+    def __init__(self, runtime: Runtime, size: Size, params: ReflectionsParams | None = None) -> None:
         self.runtime = runtime
         self.size = size
+        self._params = params or ReflectionsParams()
         self._sky = SkyLevels(runtime)
         self._lights = PunctualLights(runtime, size, kept=False)
         self._reflected = Target(runtime, 3, size, kept=False)
@@ -111,7 +147,7 @@ class Reflections:
                 "per_cell": 1.0 / (float(occupancy.rays["per_unit"]) * volume.side),
                 **rotation_values(camera.view[:3, :3].T),
                 "reach": reach,
-                "thick": THICK_CELLS * reach / occupancy.cells,
+                "thick": self.params.thickness * reach / occupancy.cells,
                 "texels_per_angle": self._sky.texels_per_angle,
                 "levels": self._sky.count,
                 "margin_columns": gbuffer.margin[1],
@@ -125,7 +161,12 @@ class Reflections:
             "specular": gbuffer.specular,
             "gloss": gbuffer.gloss,
         }
-        macros = {"REFLECT_RAYS": RAYS, "REFLECT_STEPS": STEPS, "REFLECT_CELLS": CELLS, **occupancy.macros}
+        macros = {
+            "REFLECT_RAYS": self.params.rays,
+            "REFLECT_STEPS": self.params.steps,
+            "REFLECT_CELLS": CELLS,
+            **occupancy.macros,
+        }
         with self._reflected.over(gbuffer.seen) as (reflected, over):
             self.runtime.kernel("reflections/reflect_trace.cl", macros, (CAMERA, VPL, REFLECT)).run(
                 self.size,
@@ -159,3 +200,103 @@ class Reflections:
                     camera=gbuffer.camera_struct,
                     params=params,
                 )
+
+
+@serialised
+def reflections(
+    gbuffer: GBuffer | DeviceGBuffer,
+    radiance: ArrayLike,
+    lights: Sequence[Light],
+    *,
+    scene: Scene,
+    shadow_maps: Sequence[ReflectiveShadowMap | None] | None = None,
+    irradiance: ArrayLike | None = None,
+    radiosity: RadiosityParams | None = None,
+    runtime: Runtime | None = None,
+    **params: Unpack[ReflectionsKeywords],
+) -> NDArray[np.float32]:
+    """Compute what glossy surfaces reflect of lights, environments and other surfaces.
+
+    McGuire and Mara 2014, "Efficient GPU Screen-Space Ray Tracing". Departs: rays are distributed
+    as the lobe, see `Reflections`.
+
+    Args:
+        gbuffer: what the camera sees; without `specular` and `gloss` nothing is reflected.
+        radiance: [rows, columns, 3] in W m^-2 sr^-1, >= 0, of the same surfaces without their lobes, as
+            `shade` returns it for a G-buffer without `specular` and `gloss`.
+        lights: lights and environments.
+        scene: what blocks rays, and what they meet where the image does not show it.
+        shadow_maps: for each light its reflective shadow map or None, as in `shade`.
+        irradiance: [rows, columns, 3] in W/m^2, >= 0, by all light: what mirrors send that are seen
+            in mirrors. None: nothing.
+        radiosity: parameters of the light that surfaces send which the image does not show; its
+            `grid` is that of the rays too.
+        runtime: the device; by default the fastest found.
+        **params: the fields of `ReflectionsParams`.
+
+    Returns:
+        [rows, columns, 3] float32 radiance in W m^-2 sr^-1: that given, and what lobes reflect.
+
+    Raises:
+        TypeError, ValueError: an argument of the wrong type, shape or range.
+    """
+    lights = checked_lights(lights, shadow_maps)
+    if not isinstance(scene, Scene):
+        raise TypeError(f"scene is {type(scene).__name__}: expected a Scene")
+    chosen, sent = ReflectionsParams(**params), radiosity or RadiosityParams()
+    device = on_device(gbuffer, runtime)
+    runtime, size, camera = device.runtime, device.size, device.camera
+    if camera is None:
+        raise ValueError("the device G-buffer is empty: draw or upload something first")
+    given = {"radiance": (radiance, "W m^-2 sr^-1", 1.0), "irradiance": (irradiance, "W/m^2", 1.0 / np.pi)}
+    planes = {}
+    for name, (array, unit, scale) in given.items():
+        values = checks.plane(name, np.zeros((*size, 3)) if array is None else array, channels=3, low=0.0, unit=unit)
+        if values.shape[:2] != size:
+            raise ValueError(f"{name} has shape {values.shape[:2]}: expected {size} as the G-buffer")
+        planes[name] = runtime.prepared((reflections, name, size), lambda: runtime.plane(3, size))
+        planes[name].upload(np.moveaxis(values, -1, 0) * np.float32(scale))
+    if not device.mirrors:
+        return np.array(radiance, np.float32)
+    surfaces: Radiosity = runtime.prepared((Radiosity, sent.shape()), lambda: Radiosity(runtime, sent))
+    grid: OccupancyGrid = runtime.prepared((OccupancyGrid, sent.grid), lambda: OccupancyGrid(runtime, sent.grid, size))
+    technique: Reflections = runtime.prepared(
+        (Reflections, size, chosen.shape()), lambda: Reflections(runtime, size, chosen)
+    )
+    technique.params = chosen
+    shadows = uploaded_maps(lights, shadow_maps, runtime)
+    maps = on_device_rsms([rsm for rsm in shadow_maps or () if rsm is not None], runtime)
+    corners = np.array([[scene.bounds[i >> k & 1, k] for k in range(3)] for i in range(8)])
+    half = float(np.abs(corners @ camera.view[:3, :3].T + camera.view[:3, 3]).max())
+    with runtime.frame():
+        surfaces.run(scene, lights, rsms=maps)
+        volume = surfaces.volume
+        assert volume is not None  # noqa: S101  after a run
+        technique.run(
+            device,
+            planes["radiance"],
+            light=planes["irradiance"],
+            lights=lights,
+            shadows=shadows,
+            occupancy=grid.fill_scene(device_scene(scene, runtime), camera.view, half, half),
+            volume=volume,
+        )
+        return np.ascontiguousarray(np.moveaxis(planes["radiance"].download(), 0, -1))
+
+
+DESCRIPTOR = Technique(
+    name="reflections",
+    kind="indirect",
+    paper="McGuire and Mara 2014",
+    function=reflections,
+    params=ReflectionsParams,
+    technique=Reflections,
+    reference="ssgi_cl.reference.reflections.reflections",
+    kernels={
+        "reflections/reflect_trace.cl": ("REFLECT_RAYS", "REFLECT_STEPS", "REFLECT_CELLS", "VPL_GRID"),
+        "reflections/reflect_add.cl": ("REFLECT_STRIDE", "REFLECT_LAST"),
+    },
+    reads=("depth", "normal", "albedo", "specular", "gloss", "lights", "shadow_maps", "scene", "image"),
+    writes=("radiance",),
+    bench=Bench(rows={"reflections": ("what glossy surfaces reflect", (("one ray a pixel", "reflections.1"),))}),
+)

@@ -21,7 +21,7 @@ from ssgi_cl.reference.phong import Lobes
 from ssgi_cl.reference.reflections.reflections import Screen, added_reference, arriving_reference
 from ssgi_cl.techniques.occupancy.occupancy_grid import OccupancyGrid
 from ssgi_cl.techniques.radiosity.light_volume import CELLS, FACES, LightVolume
-from ssgi_cl.techniques.reflections.reflections import RAYS, STEPS, THICK_CELLS, Reflections
+from ssgi_cl.techniques.reflections.reflections import Reflections, ReflectionsParams
 
 from ..analytic import Ball, Plane, camera, trace
 
@@ -30,6 +30,7 @@ HALF = 8.0
 """Half the side of the space that holds all, round the camera, scene units."""
 CUBE = 128
 """Cells along a side of the occupancy grid."""
+DEFAULTS = ReflectionsParams()
 
 
 def quads(*parts: Sequence[Sequence[float]]) -> Scene:
@@ -119,10 +120,10 @@ def test_kernels_agree_with_the_reference(variant_runtime: Runtime, rng: np.rand
     gbuffer = glossy(trace(made, [Plane((0, -0.3, 0), (0, 1, 0)), *balls]), 90.0, rng)
     size = (*made.size, 3)
     radiance, light = rng.random(size), rng.random(size)
-    thick = THICK_CELLS * 2.0 * HALF / CUBE
-    screen = Screen.of(gbuffer, thick, 2.0 * HALF, STEPS)
+    thick = DEFAULTS.thickness * 2.0 * HALF / CUBE
+    screen = Screen.of(gbuffer, thick, 2.0 * HALF, DEFAULTS.steps)
     sky = np.array((2.0, 1.0, 0.5))
-    arriving, meets = arriving_reference(screen, radiance, light, sky, RAYS)
+    arriving, meets = arriving_reference(screen, radiance, light, sky, DEFAULTS.rays)
     assert 0.03 < meets.mean() < 0.6
     expected = added_reference(gbuffer, arriving)
     found = added(variant_runtime, gbuffer, radiance, light, Environment(sky))

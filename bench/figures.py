@@ -86,7 +86,7 @@ PASSES = (
     "blur.7",
     "upsample.2",
     "direct.1024",
-    "frame.16",
+    "frame-ssao.16",
 )
 WALLS = ("vpl-visibility", "multires-visibility", "mitsuba-path", "mitsuba-path-oidn")
 CUTS = ("vpl-cut", "vpl-cut-restored", "vpl-cut-plain.1-percent")

@@ -77,5 +77,6 @@ def builds(runtime: Runtime) -> tuple[Build, ...]:
     probe_timer.timer(own)()
     Calibration.of(own)
     return tuple(
-        Build(path, dict(macros), structs, kernel) for (path, macros, structs, *_), kernel in own.programs.kernels.items()
+        Build(path, dict(macros), structs, kernel)
+        for (path, macros, structs, *_), kernel in own.programs.kernels.items()
     )

@@ -91,7 +91,7 @@ def read_gltf(path: Path, textures: TextureSet) -> Contents:
 class _Geometry:
     """The geometry of a document, checked, as a document of its own.
 
-    Each attribute but POSITION goes under a name of ours (`_NORMAL`, `_UV0`, `_COLOR`), which
+    Each attribute but POSITION goes under a name of ours (`_NORMAL`, _UV with a number, `_COLOR`), which
     trimesh hands on as it lies in the file.
 
     Attributes:

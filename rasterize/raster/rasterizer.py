@@ -206,7 +206,6 @@ class Rasterizer:
         """
         visible = self._last_visible
         self.runtime.kernel("raster/raster_depth.cl", structs=STRUCTS).run(
-            "raster depth",
             self.target.whole,
             depths=visible.depths,
             depth=depth,
@@ -223,7 +222,6 @@ class Rasterizer:
         """
         visible = self._last_visible
         self.runtime.kernel("raster/raster_hidden.cl", structs=STRUCTS).run(
-            "raster hidden",
             self.target.size,
             depths=visible.depths,
             front=front.depth,
@@ -239,7 +237,6 @@ class Rasterizer:
         from the image drawn last."""
         visible = self._last_visible
         self.runtime.kernel("raster/raster_opacity.cl", structs=STRUCTS).run(
-            "raster opacity",
             target.size,
             triangles=visible.triangles,
             faces=scene.faces,
@@ -270,7 +267,6 @@ class Rasterizer:
         camera = self.target.camera
         assert camera is not None  # noqa: S101  something was drawn
         self._attributes(scene, True, step, emission=target.emits).run(
-            "raster attributes",
             target.size,
             camera=CAMERA.pack(camera_values(camera)),
             view=VIEW.pack(self._view_values(scene, camera)),
@@ -297,7 +293,6 @@ class Rasterizer:
         region: Region | None = None,
     ) -> None:
         self.runtime.kernel("raster/raster_gloss.cl", {"RASTER_STEP": step}).run(
-            "raster gloss",
             gloss.size,
             region=region,
             triangles=seen,
@@ -340,7 +335,6 @@ class Rasterizer:
         view = VIEW.pack(self._view_values(scene, camera))
         tile_count = self._tiles[0] * self._tiles[1]
         self._vertices.run(
-            "raster vertices",
             (1, scene.vertices),
             positions=scene.positions,
             view=lists.view,
@@ -351,7 +345,6 @@ class Rasterizer:
             to_view=view,
         )
         self._setup.run(
-            "raster setup",
             (1, scene.triangles),
             grid=(1, -(-scene.triangles // self._run)),
             local=None if self._run < BOXED else (1, 1),
@@ -368,7 +361,6 @@ class Rasterizer:
             params=view,
         )
         self._scan.run(
-            "raster scan",
             (1, tile_count),
             grid=(1, 1),
             tiles=self._counts,
@@ -378,7 +370,6 @@ class Rasterizer:
         )
         workers = 256 if self.runtime.info.kind == "cpu" else 16384
         self._fill.run(
-            "raster fill",
             (1, workers),
             grid=(1, workers),
             records=lists.records,
@@ -446,12 +437,10 @@ class Rasterizer:
             view = VIEW.pack(values)
             now, before = depths[layer % 2], depths[layer % 2 - 1]
             before = behind if layer == 0 and behind is not None else before
-            suffix = f" {layer + 1}" if target.layers > 1 else ""
             # What was seen there before is to be cleared.
             with target.previous_regions[layer].over(region, scene.emits) as over:
                 over = None if over is None else self._widened(over)
                 tiles.run(
-                    f"raster tiles{suffix}",
                     whole,
                     grid=(self._tiles[0] * TILE // high, self._tiles[1] * TILE // wide),
                     local=self._group,
@@ -479,7 +468,6 @@ class Rasterizer:
                 if not self.shaded:
                     return _Visible(seen, now, packed_camera, values)
                 self._attributes(scene, shaded, 1, emission=scene.emits).run(
-                    f"raster attributes{suffix}",
                     whole,
                     region=over,
                     camera=packed_camera,

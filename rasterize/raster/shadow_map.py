@@ -74,9 +74,7 @@ class RsmRenderer:
         if not scene.has_normals:
             self.target.derive()
             turn = VIEW_ROTATION.pack(rotation_values(camera.view[:3, :3].T))
-            self._normals.run(
-                "rsm normals", self.target.size, seen=self.target.normal, normal=self.target.normal_world, rotation=turn
-            )
+            self._normals.run(self.target.size, seen=self.target.normal, normal=self.target.normal_world, rotation=turn)
         return self.flux
 
     def write_depth(self, depth: Plane, image: int = 0) -> None:
@@ -99,7 +97,6 @@ class RsmRenderer:
         camera = self.target.camera
         assert camera is not None  # noqa: S101  a face was drawn
         self._kernel.run(
-            "rsm flux",
             self.target.size,
             depth=self.target.depth,
             albedo=reflectance,

@@ -167,7 +167,7 @@ class Camera(Immutable):
                 aspect ratio.
             near, far: scene units along the view ray; `far` is 1e3 times the distance from
                 `eye` to `target` by default.
-            The rest is as in `look_at`.
+            eye, target, up, width, height: as in `look_at`.
         """
         view = look_at_matrix(eye, target, up)
         view_height = checks.number("view_height", view_height, low=LEAST_SCALE, high=MOST_SCALE, unit="scene units")

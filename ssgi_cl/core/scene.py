@@ -32,6 +32,7 @@ class Material:
         specular: [3] reflectance of the Phong lobe in [0, 1]; where albedo and it are more than 1
             together, it counts as what the albedo leaves.
         gloss: exponent of the Phong lobe, in [1, 1e6].
+        name: of the material in its file; without effect.
         blends: whether only `alpha` times the texture's alpha of the surface is there, in whole
             frames and `truth.radiance`: the rest of the light passes (Porter and Duff 1984).
             G-buffers, and what blocks light from others, are as with `alpha_cutoff`.

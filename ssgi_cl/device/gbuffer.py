@@ -25,6 +25,7 @@ class DeviceGBuffer:
     """A G-buffer that stays on the device from frame to frame.
 
     Attributes:
+        runtime: the device.
         size: (rows, columns) of the camera's image and of every result.
         margin: (rows, columns) by which the planes exceed it on every side.
         layers: of depth.
@@ -259,7 +260,6 @@ class DeviceGBuffer:
         with self._derived.over(self.region) as region:
             for layer in range(self.attributes):
                 kernel.run(
-                    "view normals" + (f" {layer + 1}" if self.attributes > 1 else ""),
                     self.whole,
                     region=region,
                     depth=self.depth,

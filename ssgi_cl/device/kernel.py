@@ -72,7 +72,6 @@ class Kernel:
 
     def run(
         self,
-        name: str,
         size: Size,
         /,
         *,
@@ -82,10 +81,9 @@ class Kernel:
         cell: Size | None = None,
         **arguments: Any,
     ) -> None:
-        """Queue the kernel.
+        """Queue the kernel; its pass has its name, which is its file's stem.
 
         Args:
-            name: of the pass, for the table of times.
             size: (rows, columns), the kernel's own parameter `size`.
             grid: (rows, columns) of work-items; by default a work-item for each lane-wide piece of
                 a row.
@@ -119,7 +117,7 @@ class Kernel:
             event = opencl().enqueue_nd_range_kernel(
                 runtime.queue, self._kernel, work, (group[1], group[0]), None if first is None else (first[1], first[0])
             )
-        runtime.record(name, event)
+        runtime.record(self.name, event)
 
     def _group(self, rows: int, columns: int) -> Size:
         if self.runtime.info.kind == "cpu" or self.runtime.info.kind == "":

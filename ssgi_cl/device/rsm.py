@@ -206,7 +206,6 @@ class DeviceRsm:
         }
         self._face_values = {"camera": CAMERA.pack(camera_values(camera)), "params": FACE.pack(values)}
         self._kernel.run(
-            "rsm face",
             self.face_size,
             depth=depth,
             normal=normal,
@@ -231,7 +230,6 @@ class DeviceRsm:
         if lobes is None:
             raise ValueError("the device RSM has no room for lobes: expected glossy=True")
         self.runtime.kernel("rsm/rsm_lobe.cl", structs=(CAMERA, FACE)).run(
-            "rsm lobes",
             self.face_size,
             depth=depth,
             normal=normal,

@@ -45,19 +45,32 @@ THIN = 5
 
 
 def rmse(image: ArrayLike, truth: ArrayLike, mask: ArrayLike | None = None) -> float:
-    """Return the root of the mean squared difference."""
+    """Return the root of the mean squared difference.
+
+    Args:
+        image, truth: [rows, columns] or [rows, columns, channels] values of any unit.
+        mask: [rows, columns] bool, True where pixels count; by default all do.
+    """
     value, reference = _counted(image, truth, mask)
     return math.sqrt(float(np.mean((value - reference) ** 2)))
 
 
 def bias(image: ArrayLike, truth: ArrayLike, mask: ArrayLike | None = None) -> float:
-    """Return the mean difference, > 0 where the image is too bright."""
+    """Return the mean difference, > 0 where the image is too bright.
+
+    Args:
+        image, truth, mask: as in `rmse`.
+    """
     value, reference = _counted(image, truth, mask)
     return float(np.mean(value - reference))
 
 
 def p99(image: ArrayLike, truth: ArrayLike, mask: ArrayLike | None = None) -> float:
-    """Return the absolute difference that 99 % of all values do not exceed."""
+    """Return the absolute difference that 99 % of all values do not exceed.
+
+    Args:
+        image, truth, mask: as in `rmse`.
+    """
     value, reference = _counted(image, truth, mask)
     return float(np.percentile(np.abs(value - reference), 99.0))
 
@@ -75,7 +88,11 @@ def psnr(image: ArrayLike, truth: ArrayLike, mask: ArrayLike | None = None, *, p
 
 
 def mrse(image: ArrayLike, truth: ArrayLike, mask: ArrayLike | None = None) -> float:
-    """Return the mean of (v - r)^2 / (r + 0.01)^2 with the value v and the truth r >= 0."""
+    """Return the mean of (v - r)^2 / (r + 0.01)^2 with the value v and the truth r >= 0.
+
+    Args:
+        image, truth, mask: as in `rmse`.
+    """
     value, reference = _counted(image, truth, mask)
     if (reference < 0.0).any():
         raise ValueError(f"truth holds {reference.min():g}: expected numbers >= 0")
@@ -122,6 +139,10 @@ def flip(
 
     Where the mask is False the image is shown as the truth, so that nothing differs there.
 
+    Args:
+        image, truth, mask: as in `rmse`.
+        pixels_per_degree: of the viewer's field of view, > 0.
+
     Raises:
         MissingExtraError: flip-evaluator is not installed; it comes with the extra `truth`.
     """
@@ -134,6 +155,10 @@ def hdr_flip(
     """Return the mean HDR-FLIP (Andersson et al. 2021) of radiances >= 0; otherwise like `flip`.
 
     Exposures follow from the truth; the tone curve is ACES.
+
+    Args:
+        image, truth, mask: as in `rmse`.
+        pixels_per_degree: as in `flip`.
     """
     return _flip(image, truth, mask, pixels_per_degree, "HDR")
 

@@ -42,13 +42,13 @@ class Calibration:
         pixels = COPY_SIZE[0] * COPY_SIZE[1]
         source, copy = runtime.plane(1, COPY_SIZE), runtime.plane(1, COPY_SIZE)
         kernel = runtime.kernel("calibrate/calibrate_copy.cl")
-        copying = _fastest_ms(runtime, lambda: kernel.run("copy", COPY_SIZE, source=source, copy=copy))
+        copying = _fastest_ms(runtime, lambda: kernel.run(COPY_SIZE, source=source, copy=copy))
         gathers = GatherLoad(runtime)
         gathering = _fastest_ms(runtime, gathers.run)
         adds = runtime.kernel("calibrate/calibrate_multiply_add.cl", {"CALIBRATE_STEPS": ADD_STEPS})
         numbers, result = runtime.plane(1, ADD_SIZE), runtime.plane(1, ADD_SIZE)
         numbers.upload(np.full((1, *ADD_SIZE), 0.25, np.float32))
-        adding = _fastest_ms(runtime, lambda: adds.run("multiply-adds", ADD_SIZE, source=numbers, result=result))
+        adding = _fastest_ms(runtime, lambda: adds.run(ADD_SIZE, source=numbers, result=result))
         return cls(
             bandwidth_gb_s=8e-6 * pixels / copying,
             gathers_g_s=1e-6 * gathers.reads / gathering,
@@ -81,7 +81,7 @@ class GatherLoad:
 
     def run(self) -> None:
         """Queue it."""
-        self._kernel.run(self.name, self.size, source=self._source, steps=self._steps, sum=self._sum)
+        self._kernel.run(self.size, source=self._source, steps=self._steps, sum=self._sum)
 
 
 def _fastest_ms(runtime: Runtime, run: Callable[[], object]) -> float:

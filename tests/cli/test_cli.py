@@ -973,7 +973,7 @@ def test_small_work_groups_are_refused_with_the_variable(depth_file: Path, tmp_p
 def test_a_process_that_is_interrupted_as_it_starts_says_so(tmp_path: Path) -> None:
     started = subprocess.Popen(
         [sys.executable, "-c", "import ssgi_cl.__main__ as c, sys; print(flush=True); sys.exit(c.main())", "devices"],
-        cwd=Path(__file__).parent.parent,
+        cwd=Path(__file__).parents[2],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

@@ -103,7 +103,7 @@ def test_every_pixel_is_read_wherever_rows_end(monkeypatch: pytest.MonkeyPatch, 
         }
     }
     """
-    runtime.kernel_from_text("copy", text).run("copy", (rows, 3), source=plane, to=result, count=count)
+    runtime.kernel_from_text("copy", text).run((rows, 3), source=plane, to=result, count=count)
     found = result.download()
     np.testing.assert_array_equal(found[::2], values)
     np.testing.assert_array_equal(found[1::2, :, :2], -7.0)

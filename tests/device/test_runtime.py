@@ -96,7 +96,7 @@ def test_forcing_a_form_builds_kernels_so(variant_runtime: Runtime) -> None:
         """,
     )
     result = variant_runtime.empty(2, np.int32)
-    kernel.run("form", (1, 1), grid=(1, 1), local=(1, 1), to=result)
+    kernel.run((1, 1), grid=(1, 1), local=(1, 1), to=result)
     variant = variant_runtime.variant
     assert result.download().tolist() == [variant.lanes, int(variant.storage == "image")]
     assert Runtime.open(lanes=variant.lanes, storage=variant.storage) is variant_runtime
@@ -191,10 +191,10 @@ def test_both_roads_to_the_device_give_bit_identical_results(
         start, end = runtime.plane(1, size), runtime.plane(1, size)
         start.upload(values)
         kernel = runtime.kernel_from_text("add", ADD, {"TERM": 3})
-        kernel.run("there", size, source=start, sum=end)
-        kernel.run("back", size, source=end, sum=start)
+        kernel.run(size, source=start, sum=end)
+        kernel.run(size, source=end, sum=start)
         start.upload(end.download())
-        kernel.run("there", size, source=start, sum=end)
+        kernel.run(size, source=start, sum=end)
         results.append(end.download())
         with end._mapped() as memory:  # the guard is whole
             inner = np.zeros_like(memory)
@@ -245,11 +245,11 @@ def test_passes_are_timed_by_name_in_their_order(runtime: Runtime) -> None:
     kernel = runtime.kernel_from_text("add", ADD, {"TERM": 1})
     with runtime.frame():
         runtime.skip("none", "nothing to do")
-        kernel.run("first", (64, 64), source=start, sum=end)
+        kernel.run((64, 64), source=start, sum=end)
         with runtime.frame():
-            kernel.run("second", (64, 64), source=end, sum=start)
+            kernel.run((64, 64), source=end, sum=start)
         runtime.skip("third", "the same as before")
-        kernel.run("fourth", (64, 64), source=start, sum=end)
+        kernel.run((64, 64), source=start, sum=end)
     times = [time for time in runtime.times() if time.name != "copy to image"]
     assert [time.name for time in times] == ["none", "first", "second", "third", "fourth"]
     assert times[0] == PassTime("none", 0.0, "nothing to do")
@@ -281,7 +281,7 @@ def test_any_work_group_gives_bit_identical_results(
     values = rng.standard_normal((1, *size)).astype(np.float32)
     start.upload(values)
     kernel = variant_runtime.kernel_from_text("add", ADD, {"TERM": 1})
-    kernel.run("add", size, local=local, source=start, sum=end)
+    kernel.run(size, local=local, source=start, sum=end)
     np.testing.assert_array_equal(end.download(), values + np.float32(1))
 
 
@@ -289,7 +289,7 @@ def test_nothing_is_queued_for_an_empty_image(runtime: Runtime) -> None:
     plane = runtime.plane(1, (4, 4))
     kernel = runtime.kernel_from_text("add", ADD, {"TERM": 1})
     with runtime.frame():
-        kernel.run("none", (0, 4), source=plane, sum=plane)
+        kernel.run((0, 4), source=plane, sum=plane)
     assert runtime.times() == []
 
 
@@ -393,7 +393,7 @@ def test_a_kernel_of_fewer_lanes_covers_the_image_all_the_same(runtime: Runtime)
     planes[0].upload(given)
     kernel = runtime.kernel("blended/blended.cl", {"BLENDED_STEP": 2}, most_lanes=8)
     assert kernel.lanes == min(runtime.variant.lanes, 8)
-    kernel.run("blend", size, radiance=planes[0], over=planes[1], through=planes[2])
+    kernel.run(size, radiance=planes[0], over=planes[1], through=planes[2])
     np.testing.assert_array_equal(planes[1].download(), given)
 
 

@@ -177,7 +177,7 @@ def arguments(runtime: Runtime) -> dict[str, Any]:
 def test_arguments_arrive_in_any_order(variant_runtime: Runtime) -> None:
     wanted = arguments(variant_runtime)
     for names in (list(wanted), list(wanted)[::-1]):
-        combine(variant_runtime).run("combine", (2, 16), **{name: wanted[name] for name in names})
+        combine(variant_runtime).run((2, 16), **{name: wanted[name] for name in names})
         found = wanted["result"].download().tolist()
         # (rows, columns) becomes (columns, rows).
         assert found == [7.0, 4.0, 3.0, 2.5, 3.5, 9.0, 16.0]
@@ -198,7 +198,6 @@ def test_parameters_of_one_type_may_change_places(runtime: Runtime) -> None:
         )
         result = runtime.empty(1, np.float32)
         kernel.run(
-            "divide",
             (1, 1),
             grid=(1, 1),
             local=(1, 1),
@@ -212,18 +211,18 @@ def test_parameters_of_one_type_may_change_places(runtime: Runtime) -> None:
 
 def test_optional_memory_may_be_absent(variant_runtime: Runtime) -> None:
     wanted = {**arguments(variant_runtime), "rest": None, "count": 2}
-    combine(variant_runtime).run("combine", (2, 16), **wanted)
+    combine(variant_runtime).run((2, 16), **wanted)
     assert wanted["result"].download()[5] == -1.0
 
 
 def test_none_stands_for_a_parameter_that_the_macros_remove(runtime: Runtime) -> None:
     wanted = arguments(runtime)
-    combine(runtime).run("combine", (2, 16), more=None, **wanted)
-    combine(runtime, more=1).run("combine", (2, 16), more=wanted["read"], **wanted)
+    combine(runtime).run((2, 16), more=None, **wanted)
+    combine(runtime, more=1).run((2, 16), more=wanted["read"], **wanted)
     with pytest.raises(TypeError, match=r"more \(a Plane .*\) is a parameter with other macros"):
-        combine(runtime).run("combine", (2, 16), more=wanted["read"], **wanted)
+        combine(runtime).run((2, 16), more=wanted["read"], **wanted)
     with pytest.raises(TypeError, match=r"combine: more is None .* expected a Plane"):
-        combine(runtime, more=1).run("combine", (2, 16), more=None, **wanted)
+        combine(runtime, more=1).run((2, 16), more=None, **wanted)
 
 
 @pytest.mark.parametrize(
@@ -266,7 +265,7 @@ def test_an_argument_of_another_type_is_named(runtime: Runtime, name: str, value
     wanted = arguments(runtime)
     given = {"array": wanted["rest"], "plane": wanted["read"]}.get(value, value) if isinstance(value, str) else value
     with pytest.raises(TypeError, match=message):
-        combine(runtime).run("combine", (2, 16), **{**wanted, name: given})
+        combine(runtime).run((2, 16), **{**wanted, name: given})
 
 
 def test_missing_and_unknown_arguments_are_named(runtime: Runtime) -> None:
@@ -275,20 +274,20 @@ def test_missing_and_unknown_arguments_are_named(runtime: Runtime) -> None:
     for name in wanted:
         rest = {key: value for key, value in wanted.items() if key != name}
         with pytest.raises(TypeError, match=f"kernel combine: {name} is missing: expected .*"):
-            kernel.run("combine", (2, 16), **rest)
+            kernel.run((2, 16), **rest)
         with pytest.raises(TypeError, match=r"kernel combine: x\w+ .* is not a parameter"):
-            kernel.run("combine", (2, 16), **rest, **{f"x{name}": wanted[name]})
+            kernel.run((2, 16), **rest, **{f"x{name}": wanted[name]})
     for extra in (1, None):
         with pytest.raises(TypeError, match=rf"combine: extra \({extra} .*is not a parameter"):
-            kernel.run("combine", (2, 16), **wanted, extra=extra)
+            kernel.run((2, 16), **wanted, extra=extra)
 
 
 def test_numbers_of_numpy_are_numbers(runtime: Runtime) -> None:
     wanted = arguments(runtime)
     wanted |= {"count": np.int64(5), "scale": np.float64(0.5), "other": (np.int32(3), 4)}
-    combine(runtime).run("combine", (2, 16), **wanted)
+    combine(runtime).run((2, 16), **wanted)
     assert wanted["result"].download()[1:4].tolist() == [4.0, 3.0, 2.5]
-    combine(runtime).run("combine", (2, 16), **{**wanted, "scale": 2})
+    combine(runtime).run((2, 16), **{**wanted, "scale": 2})
     assert wanted["result"].download()[3] == 10.0
 
 
@@ -343,7 +342,7 @@ def test_the_compilers_layout_is_that_of_numpy(variant_runtime: Runtime, structs
         structs=structs,
     )
     result = variant_runtime.empty(len(expected), np.int32)
-    kernel.run("layout", (1, 1), grid=(1, 1), local=(1, 1), result=result)
+    kernel.run((1, 1), grid=(1, 1), local=(1, 1), result=result)
     assert result.download().tolist() == expected
 
 
@@ -370,5 +369,5 @@ def test_every_member_arrives_in_the_kernel(variant_runtime: Runtime, structs: l
         structs=structs,
     )
     result = variant_runtime.empty(len(expected), np.float32)
-    kernel.run("members", (1, 1), grid=(1, 1), local=(1, 1), result=result, **packed)
+    kernel.run((1, 1), grid=(1, 1), local=(1, 1), result=result, **packed)
     assert result.download().tolist() == expected

@@ -42,7 +42,7 @@ def added(runtime: Runtime, term: int) -> float:
     """Return 1 + term, by a kernel that is compiled for it."""
     depth, total = runtime.plane(1, (4, 4)), runtime.plane(1, (4, 4))
     depth.upload(np.ones((1, 4, 4), np.float32))
-    runtime.kernel_from_text("add", ADD, {"TERM": term}).run("add", (4, 4), depth=depth, sum=total)
+    runtime.kernel_from_text("add", ADD, {"TERM": term}).run((4, 4), depth=depth, sum=total)
     return float(total.download()[0, 0, 0])
 
 

@@ -221,7 +221,7 @@ def test_a_device_on_the_host_leaves_it_room(runtime: Runtime, monkeypatch: pyte
 def test_limits_of_the_process_are_obeyed() -> None:
     code = (
         "import resource; resource.setrlimit(resource.RLIMIT_AS, (6 << 30, 6 << 30))\n"
-        "from ssgi_cl import host_memory; print(host_memory.share(), host_memory.spare(1 << 30))"
+        "from ssgi_cl.device import host_memory; print(host_memory.share(), host_memory.spare(1 << 30))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True)
     share, spare = map(int, done.stdout.split())

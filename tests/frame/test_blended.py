@@ -37,13 +37,11 @@ def drawn(
         for plane, array in zip(planes, arrays, strict=True):
             plane.upload(np.moveaxis(array.reshape(*SIZE, -1), -1, 0))
         runtime.kernel("blended/blended.cl", {"BLENDED_STEP": min(number, 1)}).run(
-            "blend", SIZE, radiance=planes[0], opacity=planes[1], transmitted=planes[2], over=over, through=through
+            SIZE, radiance=planes[0], opacity=planes[1], transmitted=planes[2], over=over, through=through
         )
     solid = runtime.plane(3, SIZE)
     solid.upload(np.moveaxis(behind, -1, 0))
-    runtime.kernel("blended/blended.cl", {"BLENDED_STEP": 2}).run(
-        "blend", SIZE, radiance=solid, over=over, through=through
-    )
+    runtime.kernel("blended/blended.cl", {"BLENDED_STEP": 2}).run(SIZE, radiance=solid, over=over, through=through)
     return np.moveaxis(over.download(), 0, -1)
 
 

@@ -103,7 +103,7 @@ def ssgi(*arguments: object) -> Result:
 
 def test_ssgi_render_has_the_method(tmp_path: Path) -> None:
     size = ("--width", 48, "--height", 36, "--shadow-size", 64, "--rsm-size", 64)
-    for indirect, name in (("multires", "subsplat mip"), ("gather", "rsm interpolate")):
+    for indirect, name in (("multires", "subsplat_mip"), ("gather", "rsm_published_interpolate")):
         result = ssgi(
             "render",
             "cornell_box",

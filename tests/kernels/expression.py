@@ -72,7 +72,6 @@ def run_expressions(
     names = [*tables, *(f"all_{name}" for name in inputs)]
     arrays = [runtime.array(numbers) for numbers in [*tables.values(), *padded]]
     kernel.run(
-        "expression",
         size,
         grid=(1, whole // runtime.variant.lanes),
         local=(1, 1),

@@ -72,7 +72,7 @@ def test_loads_give_the_outside_value_up_to_the_guard_on_both_sides(
     starts = columns + 2 * GUARD - lanes + 1
     result = every_variant.empty(count * rows * starts * lanes, np.float32)
     kernel = every_variant.kernel_from_text("load", LOAD)
-    kernel.run("load", size, grid=(count * rows, starts), local=(1, 1), plane=plane, result=result, starts=starts)
+    kernel.run(size, grid=(count * rows, starts), local=(1, 1), plane=plane, result=result, starts=starts)
     wide = np.pad(values, ((0, 0), (0, 0), (GUARD, GUARD)), constant_values=OUTSIDE)
     expected = np.lib.stride_tricks.sliding_window_view(wide, lanes, axis=2)
     np.testing.assert_array_equal(result.download().reshape(count, rows, starts, lanes), expected)
@@ -100,7 +100,7 @@ def test_stores_leave_the_guard_as_it_is(every_variant: Runtime, size: Size) -> 
     plane, values = filled(every_variant, 2, size)
     result = every_variant.plane(2, size, OUTSIDE)
     kernel = every_variant.kernel_from_text("store", STORE)
-    kernel.run("store", size, plane=plane, result=result, images=2, outside=OUTSIDE)
+    kernel.run(size, plane=plane, result=result, images=2, outside=OUTSIDE)
     expected = np.full((2 * size[0] + 2, result.pitch), OUTSIDE, np.float32)
     expected[1:-1, : size[1]] = (values + 1.0).reshape(-1, size[1])
     np.testing.assert_array_equal(memory_of(result), expected)
@@ -114,11 +114,11 @@ def test_what_a_kernel_wrote_is_what_the_next_one_reads(every_variant: Runtime) 
     kernel = every_variant.kernel_from_text("store", STORE)
     last = {"images": 1, "outside": OUTSIDE}
     for _ in range(2):
-        kernel.run("there", (3, 20), plane=plane, result=other, **last)
-        kernel.run("back", (3, 20), plane=other, result=plane, **last)
+        kernel.run((3, 20), plane=plane, result=other, **last)
+        kernel.run((3, 20), plane=other, result=plane, **last)
     np.testing.assert_array_equal(plane.download(), values + 4.0)
     plane.upload(values)
-    kernel.run("there", (3, 20), plane=plane, result=other, **last)
+    kernel.run((3, 20), plane=plane, result=other, **last)
     np.testing.assert_array_equal(other.download(), values + 1.0)
 
 
@@ -128,7 +128,7 @@ def test_infinities_pass_through(every_variant: Runtime) -> None:
     plane.upload(values)
     result = every_variant.plane(1, (2, 3), np.inf)
     kernel = every_variant.kernel_from_text("store", STORE)
-    kernel.run("store", (2, 3), plane=plane, result=result, images=1, outside=np.inf)
+    kernel.run((2, 3), plane=plane, result=result, images=1, outside=np.inf)
     np.testing.assert_array_equal(result.download(), values + 1.0)
     assert np.isinf(memory_of(result)[0]).all()
 

@@ -315,9 +315,7 @@ def test_loads_and_stores_need_no_alignment(every_width: Runtime, shift: int) ->
     x, i = np.arange(64, dtype=np.float32) + 0.5, np.arange(64, dtype=np.int32) - 32
     y, j = np.full_like(x, -1), np.full_like(i, -1)
     to = [every_width.array(y), every_width.array(j)]
-    kernel.run(
-        "move", (1, 32), local=(1, 1), x=every_width.array(x), i=every_width.array(i), y=to[0], j=to[1], shift=shift
-    )
+    kernel.run((1, 32), local=(1, 1), x=every_width.array(x), i=every_width.array(i), y=to[0], j=to[1], shift=shift)
     moved = slice(shift, shift + 32)
     y[moved], j[moved] = x[moved], i[moved]
     assert 32 % lanes == 0

@@ -76,7 +76,7 @@ def test_parameters_that_docstrings_describe_exist() -> None:
             if getattr(value, "__module__", None) == found.name and callable(value):
                 for path, described in ((name, value), *((f"{name}.{part}", f) for part, f in methods(value))):
                     names = stated(inspect.getdoc(described) or "")
-                    missing = set(names) - set(parameters(described)) if names else ()
+                    missing = set(names) - set(inspect.signature(described).parameters) if names else ()
                     if missing:
                         absent[f"{found.name}.{path}"] = missing
     assert not absent

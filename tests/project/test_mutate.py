@@ -16,7 +16,7 @@ from tools.mutate.results import EQUIVALENT, KILLED, SURVIVED, Result, as_markdo
 from tools.mutate.table import Table
 from tools.mutate.workspace import Workspace
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 TABLE = ROOT / "tools" / "mutate" / "table.toml"
 
 PYTHON = b'''"""A docstring < 3."""

@@ -183,7 +183,7 @@ def test_a_frame_without_occlusion_draws_no_depth_map_for_it(runtime: Runtime, m
     def refuse(*args: object, **more: object) -> float:
         raise AssertionError("it is not needed")
 
-    monkeypatch.setattr("ssgi_cl.frame.render.visible_extent", refuse)
+    monkeypatch.setattr("ssgi_cl.frame.renderer.visible_extent", refuse)
     built = make_scene("cornell_box")
     for options in ({"ao": False}, {"ao_radius": 0.1}):
         gi.render(built.scene, built.camera(16, 12), built.lights, bounces=0, runtime=runtime, **options)

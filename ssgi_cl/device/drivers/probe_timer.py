@@ -53,7 +53,7 @@ def timer(runtime: Runtime) -> Callable[[], float]:
         with runtime.frame():
             began, start = perf_counter(), process_time()
             for _ in range(count):
-                kernel.run("probe", SIZE, depth=depth, result=result)
+                kernel.run(SIZE, depth=depth, result=result)
             runtime.finish()
             spent, passed = process_time() - start, perf_counter() - began
             seconds = runtime.times()[-1].ms * 1e-3  # the last pass: after a copy to an image

@@ -32,7 +32,7 @@ def blended_layers(
 
     def blend(step: int, radiance: Plane, over: Plane, through: Plane, **layer: Any) -> None:
         runtime.kernel("blended/blended.cl", {"BLENDED_STEP": step}).run(
-            "blend", size, radiance=radiance, **layer, over=over, through=through
+            size, radiance=radiance, **layer, over=over, through=through
         )
 
     def run(r: Values) -> Plane:

@@ -17,7 +17,7 @@ def reflections(build: Build) -> Stage:
     def run(r: Values) -> Plane:
         radiance: Plane = r[MATT]
         if r[LOBE_LIGHT] is None:
-            runtime.skip("reflect trace", "no surface of the scene is glossy")
+            runtime.skip("reflect_trace", "no surface of the scene is glossy")
             return radiance
         if not made:
             made.append(Reflections(runtime, build.size))

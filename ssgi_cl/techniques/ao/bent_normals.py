@@ -31,7 +31,6 @@ class BentNormals:
         assert camera is not None  # noqa: S101  a filled G-buffer has one
         to_world = camera.view[:3, :3].T
         self._kernel.run(
-            "bent normals",
             self._size,
             scanned=scanned,
             normal=gbuffer.normal,

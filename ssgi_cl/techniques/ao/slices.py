@@ -238,7 +238,6 @@ class SliceScan(Prepared[SliceParams]):
         target = Target(self.runtime, count + thick, self.sorted_size, 0.0 if perspective else math.inf, kept=False)
         with target.over(self._rows_of(gbuffer.region)) as (inv_depth, over):
             kernel.run(
-                "inverse depth",
                 inv_depth.size,
                 region=over,
                 depth=gbuffer.depth,
@@ -259,7 +258,7 @@ class SliceScan(Prepared[SliceParams]):
         coarse = seen.reduced(self.step)
         return Region(coarse.row, 0, coarse.rows, columns)
 
-    def sorted(self, name: str, images: Plane | ImageParts, region: Region | None = None) -> DeviceArray:
+    def sorted(self, images: Plane | ImageParts, region: Region | None = None) -> DeviceArray:
         """Queue the passes that put images, of the G-buffer's whole size, where `inv_depth` has
         depth.
 
@@ -272,7 +271,7 @@ class SliceScan(Prepared[SliceParams]):
         for first, part in parts:
             kernel = self.runtime.kernel("slices/slices_sorted.cl", {"SORTED_COUNT": part.count})
             kernel.run(
-                name, self.sorted_size, region=over, images=part, sorted=array, first_image=first, **self._places(part)
+                self.sorted_size, region=over, images=part, sorted=array, first_image=first, **self._places(part)
             )
             del part  # its memory is the next one's
         return array
@@ -284,7 +283,6 @@ class SliceScan(Prepared[SliceParams]):
             "slices/slices_slopes.cl", {"SLOPES_LAYERS": self.layers, "SLOPES_NORMALS": gbuffer.attributes}, (CAMERA,)
         )
         kernel.run(
-            "slopes",
             self.sorted_size,
             region=over,
             depth=gbuffer.depth,
@@ -395,7 +393,6 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
         kernel = self._kernel(thick=thickness is not None)
         for strip in self._scan.strips(region):
             kernel.run(
-                self.name,
                 out.size,
                 grid=self._scan.grid,
                 region=strip,

@@ -242,7 +242,6 @@ class Ssao(OcclusionTechnique):
 
     def _occlude(self, out: Plane, gbuffer: DeviceGBuffer, source: Source, region: Region | None) -> None:
         self._kernel.run(
-            "ssao",
             out.size,
             region=region,
             depth=source.depth,

@@ -50,7 +50,6 @@ class SenderRecords:
         for layer in range(self.layers):
             values = {**dict.fromkeys(LIT.dtype.names or (), 0), "facing": 1.0}
             kernel.run(
-                "pack senders",
                 gbuffer.whole,
                 # Without light, what is sent is what is emitted.
                 depth=gbuffer.depth,
@@ -289,9 +288,6 @@ class LitLayers:
             "open_rows": rows,
         }
         kernel.run(
-            "lit layer"
-            + (f" {layer.front + 1}" if self.attributes > 1 else "")
-            + (" back" if layer.facing < 0.0 else ""),
             self.whole,
             region=region,
             depth=layer.depth,

@@ -178,7 +178,6 @@ class PunctualLights:
         light_camera = shadow.cameras[0] if shadow else camera
         map_ = shadow.depth if shadow else None
         kernel.run(
-            f"{'lobe' if lobe else 'light'} {kind_name(light)}",
             self.size,
             region=region,
             depth=gbuffer.depth,

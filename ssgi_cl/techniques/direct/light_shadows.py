@@ -111,7 +111,6 @@ class LightShadows(PunctualLights, Prepared[LightShadowParams]):
             }
         )
         kernel.run(
-            f"light {kind_name(light)}",
             self.size,
             depth=gbuffer.depth,
             normal=gbuffer.normal,

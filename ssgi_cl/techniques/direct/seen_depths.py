@@ -80,7 +80,6 @@ class SeenDepths:
     def find(self, gbuffer: DeviceGBuffer) -> Seen:
         """Queue the pass and read its result back, 8 bytes a tile."""
         self._kernel.run(
-            "seen depths",
             self._size,
             grid=self._size,
             depth=gbuffer.depth,

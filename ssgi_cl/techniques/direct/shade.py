@@ -167,7 +167,6 @@ class Shade(Prepared[ShadeParams]):
         }
         with self._previous.over(self.seen(gbuffer), self._background) as over:
             kernel.run(
-                "combine",
                 self.size,
                 region=over,
                 linear=gbuffer.linear,

@@ -42,7 +42,6 @@ class ShadowBlocks:
                 continue
             count = place - start
             self._kernel.run(
-                "shadow blocks",
                 depth.size,
                 grid=(count * rows, columns),
                 map=depth,

@@ -136,27 +136,26 @@ class Bilateral(Prepared[BilateralParams]):
         if self.active and params.sigma != self.params.sigma:
             self._weights.upload(_weight_table(params))
 
-    def run(self, gbuffer: Source, value: Plane, *, name: str = "blur", region: Region | None = None) -> Plane:
+    def run(self, gbuffer: Source, value: Plane, *, region: Region | None = None) -> Plane:
         """Queue the passes and return the plane that holds the result (not `value`, if active).
 
         Outside `region` nothing is, and the value the same in every call with one.
         """
         params = self.params
         if not self.active:
-            self.runtime.skip(name, "no passes or radius 0")
+            self.runtime.skip("bilateral_blur", "no passes or radius 0")
             return value
         packed = BLUR.pack({**params.scales(), "margin_columns": gbuffer.margin[1], "margin_rows": gbuffer.margin[0]})
         lanes = self.runtime.variant.lanes
         rows, columns = self.size
         background = background_of(value)
         left = params.passes * len(self._shapes)
-        for i in range(params.passes):
+        for _ in range(params.passes):
             for shape in self._shapes:
                 left -= 1
                 target = self._between if left % 2 else self._result
                 with target.over(region, background=background) as (out, over):
                     self._kernels[shape].run(
-                        f"{name} {SHAPES[shape]}" + (f" {i + 1}" if params.passes > 1 else ""),
                         self.size,
                         grid=(-(-rows // self._rows[shape]), -(-columns // lanes)),
                         region=over,

@@ -75,7 +75,6 @@ class Tonemap(Prepared[TonemapParams]):
             parts.append(Region(*beyond, 1, 1))
         for part in parts:
             self._kernel.run(
-                "tonemap",
                 self.size,
                 region=part,
                 radiance=radiance,

@@ -121,7 +121,6 @@ class ReducedGBuffer:
             region = region.inside(whole, self.first).reduced(self.step)
         with self._previous_regions[name].over(region) as over:
             self._kernels[coarse.count].run(
-                f"reduce {name}",
                 self.whole,
                 region=over,
                 fine=fine,
@@ -175,7 +174,6 @@ class Upsample(Prepared[UpsampleParams]):
         background = (self.params.background,) * self._channels
         with self._fine.over(gbuffer.seen, background=background) as (fine, over):
             self._kernel.run(
-                "upsample",
                 self.size,
                 grid=(self.size[0], -(-coarse.size[1] // lanes)),
                 region=over,
@@ -227,7 +225,7 @@ class UpsampleBlur:
         self._scales = {**blur.scales(), "background": background}
         self._kernels = [
             runtime.kernel(
-                f"upsample/upsample_blur_{direction}.cl",
+                f"filters/upsample_blur_{direction}.cl",
                 {"UPSAMPLE_STEP": step, "BLUR_RADIUS": blur.radius},
                 (CAMERA, UPSAMPLE),
             )
@@ -261,7 +259,6 @@ class UpsampleBlur:
             wide = Region(coarse_rows.row, seen.column, coarse_rows.rows, seen.columns)
         with self._rows.over(wide) as (between, over):
             along_rows.run(
-                "blur rows",
                 self._rows.size,
                 grid=(rows, -(-columns // self._lanes)),
                 region=over,
@@ -273,7 +270,6 @@ class UpsampleBlur:
             )
         with self._fine.over(seen, background=self._background) as (fine, over):
             along_columns.run(
-                "blur columns",
                 self.size,
                 grid=(rows, -(-self.size[1] // self._lanes)),
                 region=over,

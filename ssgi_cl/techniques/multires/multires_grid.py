@@ -122,7 +122,6 @@ class Points:
             struct[f"centre_{axis}"] = -float(struct[f"at_{axis}"]) * 0.5 / to
         self.camera_struct = struct
         self._reduce.run(
-            "multires reduce",
             self.size,
             fine_depth=fine.depth,
             fine_normal=fine.normal,
@@ -171,13 +170,10 @@ class Level:
         self._count = runtime.kernel("multires/multires_count.cl")
         self._fill = runtime.kernel("multires/multires_list.cl")
 
-    def mark(self, kernel: Kernel, name: str, grid: Size, **arguments: Any) -> None:
+    def mark(self, kernel: Kernel, grid: Size, **arguments: Any) -> None:
         """Queue a pass that writes values, shares and marks, and those that make the list."""
-        kernel.run(
-            name, self.size, grid=grid, values=self.values, fractions=self.fractions, masks=self._masks, **arguments
-        )
+        kernel.run(self.size, grid=grid, values=self.values, fractions=self.fractions, masks=self._masks, **arguments)
         self._count.run(
-            "multires list",
             self.size,
             grid=(1, self._tile_count),
             masks=self._masks,
@@ -186,7 +182,6 @@ class Level:
             tile_count=self._tile_count,
         )
         self._fill.run(
-            "multires list",
             self.size,
             grid=(1, -(-self._tile_count // CHUNK)),
             local=(1, 1),
@@ -266,7 +261,6 @@ class MultiresGrid(Prepared[MultiresGridParams]):
             if coarser is None:
                 level.mark(
                     self.runtime.kernel("multires/multires_start.cl", self._macros),
-                    "multires start",
                     (level.size[0], -(-level.size[1] // TILE)),
                     depth=source.depth,
                     whole=source.whole,
@@ -305,7 +299,6 @@ class MultiresGrid(Prepared[MultiresGridParams]):
             "beyond": BEYOND,
         }
         self.runtime.kernel("multires/multires_gradient.cl", self._macros, (CAMERA, MULTIRES)).run(
-            "multires gradient",
             coarser.size,
             linear=known.linear,
             normal=known.normal,
@@ -319,7 +312,6 @@ class MultiresGrid(Prepared[MultiresGridParams]):
         kernel = self.runtime.kernel("multires/multires_interpolate.cl", self._macros, (CAMERA, MULTIRES))
         level.mark(
             kernel,
-            "multires interpolate",
             (coarser.size[0], -(-coarser.size[1] // max(self.runtime.variant.lanes, TILE // 2))),
             coarse_linear=known.linear,
             coarse_normal=known.normal,

@@ -20,9 +20,10 @@ from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.techniques.multires.multires_grid import TILE, Level
-from ssgi_cl.techniques.vpl.packed_vpls import VPL, DeviceVpls, VplChooser
+from ssgi_cl.techniques.vpl.packed_vpls import DeviceVpls, VplChooser
 from ssgi_cl.techniques.vpl.vpl_light import NoLight, camera_of
 from ssgi_cl.techniques.vpl.vpl_tree import CPU_ITEMS
+from ssgi_cl.techniques.vpl_struct import VPL
 
 SUBSPLAT = Struct("SubsplatParams", floats("depth", "normal", "coarser_depth", "coarser_normal"))
 IMAGES, EMPTY = SUBSPLAT_IMAGES, SUBSPLAT_EMPTY
@@ -92,7 +93,7 @@ class MultiresPublished(Prepared[MultiresPublishedParams]):
         # The light of a level and all coarser ones; that of the coarsest is its own.
         self._merged = [(runtime.plane(3, own), runtime.plane(1, own)) for own in sizes[:-1]]
         self._no_light = NoLight(runtime, size, self.name)
-        folder = "multires_published/subsplat_"
+        folder = "multires/subsplat_"
         self._vary, self._mip = (runtime.kernel(f"{folder}{name}.cl") for name in ("variation", "mip"))
         self._refine = runtime.kernel(f"{folder}refine.cl", structs=(SUBSPLAT,))
         self._shade = runtime.kernel(
@@ -144,7 +145,6 @@ class MultiresPublished(Prepared[MultiresPublishedParams]):
         """Queue the passes that make the mipmap and the lists of subsplats of all levels."""
         params, levels, variation = self.params, self._levels, self._variation
         self._vary.run(
-            "subsplat variation",
             self.size,
             depth=gbuffer.depth,
             normal=gbuffer.normal,
@@ -153,7 +153,7 @@ class MultiresPublished(Prepared[MultiresPublishedParams]):
             margin=gbuffer.margin,
         )
         for finer, coarser in pairwise(variation):
-            self._mip.run("subsplat mip", coarser.size, finer=finer, coarser=coarser, finer_size=finer.size)
+            self._mip.run(coarser.size, finer=finer, coarser=coarser, finer_size=finer.size)
         for n, level in enumerate(levels):
             # There is nothing above the coarsest level: no limit that a parent could keep.
             above = n + 1 < len(levels)
@@ -166,7 +166,6 @@ class MultiresPublished(Prepared[MultiresPublishedParams]):
             }
             level.mark(
                 self._refine,
-                "subsplat refine",
                 (level.size[0], -(-level.size[1] // TILE)),
                 variation=variation[n],
                 coarser=coarser,
@@ -190,7 +189,6 @@ class MultiresPublished(Prepared[MultiresPublishedParams]):
                 }
             )
             self._shade.run(
-                f"subsplats {level.step}",
                 level.size,
                 grid=(1, min(pieces, items)),
                 local=(1, 64 if is_gpu else 1),
@@ -212,7 +210,6 @@ class MultiresPublished(Prepared[MultiresPublishedParams]):
         finer = zip(self._levels[-2::-1], self._merged[::-1], strict=True)
         for level, (merged, merged_fractions) in finer:
             self._upsample.run(
-                "subsplat upsample",
                 level.size,
                 coarse_values=values,
                 coarse_fractions=fractions,

@@ -26,7 +26,7 @@ from ssgi_cl.techniques.multires.multires_grid import MultiresGrid, MultiresGrid
 from ssgi_cl.techniques.multires.multires_published import MultiresPublished, MultiresPublishedParams
 from ssgi_cl.techniques.occupancy.occupancy_grid import Occupancy, OccupancyGrid, check_grid, grid_param
 from ssgi_cl.techniques.technique import Bench, Technique
-from ssgi_cl.techniques.vpl.packed_vpls import VPL, DeviceVpls, VplChooser
+from ssgi_cl.techniques.vpl.packed_vpls import DeviceVpls, VplChooser
 from ssgi_cl.techniques.vpl.view_importance import ViewImportance
 from ssgi_cl.techniques.vpl.vpl_light import (
     NEARS,
@@ -41,6 +41,7 @@ from ssgi_cl.techniques.vpl.vpl_light import (
 from ssgi_cl.techniques.vpl.vpl_splat import BOX, TILE
 from ssgi_cl.techniques.vpl.vpl_tree import SHARES, VplTree
 from ssgi_cl.techniques.vpl.world_vpls import WorldVpls
+from ssgi_cl.techniques.vpl_struct import VPL
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -268,7 +269,6 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
         }
         tiles = (-(-seen.size[0] // TILE), -(-seen.size[1] // TILE))
         self.runtime.kernel("vpl/vpl_boxes.cl", structs=(CAMERA, VPL)).run(
-            "vpl boxes",
             seen.size,
             grid=tiles,
             depth=seen.depth,
@@ -277,7 +277,7 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
             camera=seen.camera_struct,
             params=VPL.pack(values),
         )
-        return grid.fill(gbuffer, rsms, self._boxes, lights, seen.size, values, scene)
+        return grid.fill(gbuffer, rsms, self._boxes, lights.bounds, lights.segments, seen.size, values, scene)
 
     def __call__(
         self, gbuffer: GBuffer | DeviceGBuffer, vpls: Vpls, out: NDArray[np.float32] | None = None

@@ -18,7 +18,7 @@ from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.rasterize.raster.device_scene import DeviceScene
-from ssgi_cl.techniques.vpl.packed_vpls import VPL, DeviceVpls
+from ssgi_cl.techniques.vpl_struct import VPL
 
 TURN = Struct("VplTurn", floats("xx", "xy", "xz", "x", "yx", "yy", "yz", "y", "zx", "zy", "zz", "z"))
 GRIDS = (32, 64, 128, 256)
@@ -115,7 +115,8 @@ class OccupancyGrid:
         gbuffer: DeviceGBuffer,
         rsms: Sequence[DeviceRsm],
         boxes: DeviceArray,
-        lights: DeviceVpls,
+        bounds: DeviceArray,
+        segments: int,
         size: Size,
         values: dict[str, float],
         scene: DeviceScene | None = None,
@@ -126,7 +127,7 @@ class OccupancyGrid:
             gbuffer: of which the margin counts too.
             rsms: any number.
             boxes: bounds of the image's tiles; see kernels/vpl/vpl_boxes.cl.
-            lights: the grid spans them too.
+            bounds, segments: of lights, see `DeviceVpls`; the grid spans them too.
             size: (rows, columns) of the image.
             values: members of the struct `VPL`, those of the lights among them.
             scene: whose triangles are marked in place of what is seen.
@@ -134,19 +135,12 @@ class OccupancyGrid:
         camera = gbuffer.camera
         assert camera is not None  # noqa: S101  a filled G-buffer has one
         grid, box = self._own or self._empty(self.runtime.transient.array)
-        packed = VPL.pack({**values, "count": lights.segments})
+        packed = VPL.pack({**values, "count": segments})
         self._clear.run(
-            "vpl grid",
-            size,
-            grid=(self.cells, self.cells),
-            boxes=boxes,
-            bounds=lights.bounds,
-            occupancy=grid,
-            grid_box=box,
-            params=packed,
+            size, grid=(self.cells, self.cells), boxes=boxes, bounds=bounds, occupancy=grid, grid_box=box, params=packed
         )
         if scene is not None:
-            self._voxelize(scene, camera.view, lights.values["per_unit"], grid, box)
+            self._voxelize(scene, camera.view, values["per_unit"], grid, box)
         else:
             self._mark_seen(gbuffer, rsms, camera, packed, grid, box)
         margin = {"margin_columns": gbuffer.margin[1], "margin_rows": gbuffer.margin[0]}
@@ -167,7 +161,6 @@ class OccupancyGrid:
         grid, box = self._own or self._empty(self.runtime.transient.array)
         none = dict.fromkeys((name for name, _ in VPL.members), 0)
         self._clear.run(
-            "vpl grid",
             (1, 1),
             grid=(self.cells, self.cells),
             boxes=self._whole,
@@ -187,12 +180,7 @@ class OccupancyGrid:
         blocks = self.cells // BLOCK
         reach = self.runtime.kernel("vpl/vpl_reach.cl", self.macros, (CAMERA, VPL))
         for axis in range(3):
-            reach.run(
-                "vpl reach",
-                (axis, blocks**axis),
-                grid=(1, -(-(blocks**3) // self.runtime.variant.lanes)),
-                occupancy=grid,
-            )
+            reach.run((axis, blocks**axis), grid=(1, -(-(blocks**3) // self.runtime.variant.lanes)), occupancy=grid)
         return Occupancy(grid, box, self.cells, lift, VPL.pack({**values, "lift": lift}))
 
     def _voxelize(
@@ -205,7 +193,6 @@ class OccupancyGrid:
         macros = {**self.macros, "VOXEL_CUTOUT": int(scene.has_cutouts)}
         slices = SLICES if self.runtime.info.kind == "gpu" else 1
         self.runtime.kernel("vpl/vpl_voxelize.cl", macros, (CAMERA, VPL, TURN)).run(
-            "vpl voxelize",
             (scene.vertices, scene.triangles),
             grid=(slices, -(-scene.triangles // self.runtime.variant.lanes)),
             faces=scene.faces,
@@ -238,7 +225,6 @@ class OccupancyGrid:
                 "vpl/vpl_occupy.cl", {**self.macros, "VPL_LAYERS": layers}, (CAMERA, VPL, TURN)
             )
             kernel.run(
-                "vpl occupy",
                 whole,
                 points=points,
                 normal=normal,

@@ -21,7 +21,8 @@ from ssgi_cl.techniques.radiosity.many_lights import traced_lights
 from ssgi_cl.techniques.radiosity.sky_directions import sky_directions
 from ssgi_cl.techniques.radiosity.start_triangles import StartTriangles
 from ssgi_cl.techniques.radiosity.surfels import Surfels, TriangleShares, scene_surfels
-from ssgi_cl.techniques.vpl.packed_vpls import VPL, DeviceVpls
+from ssgi_cl.techniques.vpl.packed_vpls import DeviceVpls
+from ssgi_cl.techniques.vpl_struct import VPL
 
 Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]
@@ -139,14 +140,13 @@ class DeviceSurfels:
         words = self._stride // 32
         self._visible = self.runtime.empty(words * self._stride, np.int32)
         self._see.run(
-            "surfel visibility",
             (words, self._stride),
             surfels=self._rows,
             records=self._flux[0],
             occupancy=self._occupancy.grid,
             visible=self._visible,
         )
-        self._mirror.run("surfel visibility", (words, self._stride), visible=self._visible)
+        self._mirror.run((words, self._stride), visible=self._visible)
 
     def _seeing(
         self, surfels: Surfels, solid: DeviceScene, dark: frozenset[int] = frozenset()
@@ -204,7 +204,6 @@ class DeviceSurfels:
             **{f"shift_{axis}": float(shift[i]) for i, axis in enumerate("xyz")},
         }
         self._start.run(
-            "surfel starts",
             (solid.triangles, stride),
             grid=(1, stride // runtime.variant.lanes),
             parts=runtime.array(parts),
@@ -231,7 +230,6 @@ class DeviceSurfels:
         table = np.zeros((len(ways), 8), np.float32)
         table[:, :3], table[:, 3], table[:, 4:7] = ways, solid, radiance
         self._sky.run(
-            "surfel sky",
             (len(ways), self._stride),
             grid=(1, self._stride // self.runtime.variant.lanes),
             surfels=self._rows,
@@ -251,7 +249,6 @@ class DeviceSurfels:
         weights = np.zeros(numbers.shape, np.float32)
         numbers[:groups], weights[:groups] = own, weight
         self._first.run(
-            "surfel lights",
             (most, self._stride),
             grid=(1, self._stride // runtime.variant.lanes),
             surfels=self._rows,
@@ -285,7 +282,6 @@ class DeviceSurfels:
         values[:, : len(source)] = source.T
         self._values.send(values)
         self._gather.run(
-            "surfel bounce",
             (self._stride // 32, self._stride),
             grid=(1, self._stride // self.runtime.variant.lanes),
             surfels=self._rows,

@@ -17,7 +17,7 @@ from ssgi_cl.techniques.direct.light_data import BRIGHTEST, PunctualLights, Shad
 from ssgi_cl.techniques.occupancy.occupancy_grid import Occupancy
 from ssgi_cl.techniques.radiosity.light_volume import CELLS, FACES, LightVolume
 from ssgi_cl.techniques.reflections.sky_levels import SkyLevels
-from ssgi_cl.techniques.vpl.packed_vpls import VPL
+from ssgi_cl.techniques.vpl_struct import VPL
 
 REFLECT = Struct(
     "ReflectParams",
@@ -128,7 +128,6 @@ class Reflections:
         macros = {"REFLECT_RAYS": RAYS, "REFLECT_STEPS": STEPS, "REFLECT_CELLS": CELLS, **occupancy.macros}
         with self._reflected.over(gbuffer.seen) as (reflected, over):
             self.runtime.kernel("reflections/reflect_trace.cl", macros, (CAMERA, VPL, REFLECT)).run(
-                "reflect trace",
                 self.size,
                 region=over,
                 **seen,
@@ -152,7 +151,6 @@ class Reflections:
                     {"REFLECT_STRIDE": stride, "REFLECT_LAST": int(target is radiance)},
                     (CAMERA, REFLECT),
                 ).run(
-                    "reflect add",
                     self.size,
                     region=over,
                     **seen,

@@ -132,7 +132,6 @@ class RsmGather(RsmTechnique[RsmGatherParams]):
             self._maps.gather(level.source, camera, level.values, level)
             if level.number == 0:
                 self._bounds.run(
-                    "mean",
                     level.size,
                     grid=(1, 1),
                     local=(1, 1),

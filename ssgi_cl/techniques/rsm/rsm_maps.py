@@ -159,7 +159,6 @@ class RsmMaps:
             is_gpu = self.runtime.info.kind == "gpu"
             grid, local = (1, pieces if is_gpu else min(pieces, 1024)), (1, 64 if is_gpu else 1)
         kernel.run(
-            "rsm gather" if level is None else f"rsm gather {level.step}",
             result.size,
             grid=grid,
             local=local,

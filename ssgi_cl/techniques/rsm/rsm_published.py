@@ -112,7 +112,6 @@ class RsmPublished(RsmTechnique[RsmPublishedParams]):
         grid = (self.size[0], -(-self.size[1] // TILE))
         self._lattice.mark(
             self._choose,
-            "rsm lattice",
             grid,
             depth=gbuffer.depth,
             whole=gbuffer.whole,
@@ -124,7 +123,6 @@ class RsmPublished(RsmTechnique[RsmPublishedParams]):
             return self._lattice.values
         self._rest.mark(
             self._interpolate,
-            "rsm interpolate",
             grid,
             depth=gbuffer.depth,
             normal=gbuffer.normal,

@@ -113,7 +113,6 @@ class TexelRecords:
     def update(self, rsm: DeviceRsm) -> None:
         """Queue the pass that brings the records, and what each is picked by."""
         self._kernel.run(
-            "rsm texels",
             self.size,
             position=rsm.position,
             normal=rsm.normal,
@@ -128,7 +127,7 @@ class TexelRecords:
         for level, size in enumerate(self._levels[1:], 1):
             below = self._levels[level - 1]
             values = {"from": self._starts[level - 1], "to": self._starts[level], "columns": below[1], "rows": below[0]}
-            self._sums.run("rsm sums", size, grid=size, pyramid=self.sums, params=SUMS.pack(values))
+            self._sums.run(size, grid=size, pyramid=self.sums, params=SUMS.pack(values))
 
     def level_table(self) -> NDArray[np.int32]:
         """Return [levels, 3] where each level begins, its columns, its rows; from the top down."""
@@ -158,7 +157,6 @@ class FluxSamples:
         """Queue the passes that draw the samples from what the texels are now."""
         self._texels.add_up()
         self._kernel.run(
-            "rsm pick",
             (1, self.count),
             grid=(1, self.count),
             local=(1, 16),

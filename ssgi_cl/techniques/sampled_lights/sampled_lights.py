@@ -129,7 +129,6 @@ class SampledLights(Prepared[SampledLightsParams]):
         self._samples.send(self._table(gbuffer, scene))
         with self._irradiance.over(gbuffer.seen) as (irradiance, region):
             self._light.run(
-                "sampled lights",
                 self.size,
                 region=region,
                 depth=gbuffer.depth,
@@ -142,7 +141,7 @@ class SampledLights(Prepared[SampledLightsParams]):
                 margin_rows=gbuffer.margin[0],
                 texels=self.params.map_size,
             )
-        return self._blur.run(gbuffer, irradiance, name="sampled lights blur", region=region)
+        return self._blur.run(gbuffer, irradiance, region=region)
 
     def _sample(self, lights: Sequence[Light]) -> None:
         now = environments_of(lights)
@@ -181,7 +180,6 @@ class SampledLights(Prepared[SampledLightsParams]):
         if runtime.variant.lanes > 1:  # see the kernel
             rows, each = 1, max(count // (ITEMS * runtime.info.units), 1)
         self._depth.run(
-            "sampled lights maps",
             (batches, count),
             grid=(rows, -(-count // each)),
             local=(1, 1),
@@ -195,7 +193,6 @@ class SampledLights(Prepared[SampledLightsParams]):
         if len(holes):
             solid = device_scene(scene, runtime)
             self._cutouts.run(
-                "sampled lights cut-outs",
                 (len(holes), count),
                 grid=(len(holes), count),
                 chosen=runtime.array(holes.astype(np.int32)),

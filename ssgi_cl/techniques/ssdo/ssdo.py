@@ -267,7 +267,6 @@ class Ssdo(Prepared[SsdoParams]):
             self._bounce.over(gbuffer.seen if bounces else None) as (bounce, _),
         ):
             kernel.run(
-                "ssdo split",
                 self.size,
                 region=over,
                 depth=gbuffer.depth,

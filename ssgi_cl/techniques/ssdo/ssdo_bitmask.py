@@ -138,9 +138,9 @@ class SsdoBitmask(Prepared[SsdoBitmaskParams]):
             )
         lookup = None if sky is None else sky.map
         facing = self._sides.run(gbuffer)
-        sides = None if facing is None else scan.sorted("sorted sides", facing, gbuffer.region)
+        sides = None if facing is None else scan.sorted(facing, gbuffer.region)
         inv_depth, slopes = scan.inv_depth(gbuffer, gbuffer.thickness), scan.slopes(gbuffer)
-        sent = None if radiance is None else scan.sorted("senders", radiance, gbuffer.region)
+        sent = None if radiance is None else scan.sorted(radiance, gbuffer.region)
         bent = self.params.bent_normals
         count = 1 + 3 * (lookup is not None) + 3 * (sent is not None) + 3 * bent
         macros = {
@@ -168,7 +168,6 @@ class SsdoBitmask(Prepared[SsdoBitmaskParams]):
                 self.runtime.transient.zero(self.masks)
             for strip in scan.strips(over):
                 kernel.run(
-                    "ssdo_bitmask",
                     self.size,
                     grid=scan.grid,
                     region=strip,

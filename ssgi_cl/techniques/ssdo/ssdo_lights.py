@@ -62,4 +62,4 @@ class LightBlur:
             blur = BilateralParams(radius=self.params.blur_radius, passes=self.params.blur_passes)
             self._blurs[size] = Bilateral(self.runtime, size, blur, 3, kept=False)
         source = gbuffer if size == gbuffer.size else gbuffer.layer(0)
-        return self._blurs[size].run(source, punctual_lights, name="blur lights")
+        return self._blurs[size].run(source, punctual_lights)

@@ -70,7 +70,6 @@ class SsdoPointViews:
             (CAMERA, POINTS, POINT_VIEWS),
         )
         kernel.run(
-            "ssdo view",
             light.size,
             depth=gbuffer.depth,
             normal=gbuffer.normal,

@@ -113,12 +113,7 @@ class SurfacePlanes:
             (CAMERA,),
         )
         kernel.run(
-            "ssdo planes",
-            self.whole,
-            depth=gbuffer.depth,
-            normal=gbuffer.normal,
-            planes=self.array,
-            camera=gbuffer.camera_struct,
+            self.whole, depth=gbuffer.depth, normal=gbuffer.normal, planes=self.array, camera=gbuffer.camera_struct
         )
         return self.array
 
@@ -240,7 +235,6 @@ class SsdoPoints(Prepared[PointsParams]):
         result = self._results[count]
         planes = self.planes_of(read, layers)
         kernel.run(
-            "ssdo points",
             result.size,
             grid=self._grid(result.size),
             depth=read.depth,

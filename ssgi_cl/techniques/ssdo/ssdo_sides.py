@@ -42,7 +42,6 @@ class Sides:
         target = Target(self.runtime, layers, gbuffer.whole, kept=False)
         with target.over(gbuffer.region) as (sides, over):
             kernel.run(
-                "ssdo sides",
                 gbuffer.whole,
                 region=over,
                 depth=gbuffer.depth,

@@ -124,7 +124,6 @@ class SsdoViews:
             (CAMERA, VIEWS),
         )
         kernel.run(
-            "ssdo view",
             light.size,
             linear=source.linear,
             normal=source.normal,

@@ -65,7 +65,6 @@ class UnseenDepth:
                 (CAMERA, UNSEEN),
             )
             kernel.run(
-                "ssdo unseen",
                 view.whole,
                 region=view.region,
                 normal=view.normal,

@@ -103,7 +103,6 @@ class FluxCurve:
         for rsm, table in zip(maps, self._tables, strict=True):
             _, flux, gloss = self._lobes(rsm)
             kernel.run(
-                "vpl partial sums",
                 rsm.size,
                 grid=(1, table["map_runs"] // lanes),
                 flux=flux,
@@ -117,10 +116,10 @@ class FluxCurve:
             )
         blocks = self._counts["blocks"]
         runtime.kernel("vpl/vpl_blocks.cl", structs=(CURVE,)).run(
-            "vpl blocks", (SUMS, blocks), runs=self.runs, blocks=self.blocks, params=self._packed(self._tables[0])
+            (SUMS, blocks), runs=self.runs, blocks=self.blocks, params=self._packed(self._tables[0])
         )
         runtime.kernel("vpl/vpl_totals.cl").run(
-            "vpl totals", (blocks, SUMS), grid=(1, -(-SUMS // lanes)), local=(1, 1), blocks=self.blocks
+            (blocks, SUMS), grid=(1, -(-SUMS // lanes)), local=(1, 1), blocks=self.blocks
         )
         self._versions = versions
 
@@ -146,7 +145,6 @@ class FluxCurve:
             )
             axis, flux, gloss = self._lobes(rsm)
             kernel.run(
-                "vpl cut",
                 rsm.size,
                 grid=(1, -(-found.count // lanes)),
                 position=rsm.position,

@@ -21,14 +21,6 @@ from ssgi_cl.techniques.vpl.world_vpls import WorldVpls
 
 Doubles = NDArray[np.float64]
 
-VPL = Struct(
-    "VplParams",
-    (
-        *floats("per_unit", "gain", "cutoff", "lobe_centre", "lobe_squared", "lift", "refine"),
-        *((n, "int") for n in ("segment", "count", "stride", "span", "capacity", "near_capacity")),
-        *((n, "int") for n in ("margin_columns", "margin_rows")),
-    ),
-)
 PLACE = Struct(
     "VplPlaceParams",
     (
@@ -210,7 +202,6 @@ class DeviceVpls:
             macros = {"VPL_PART": part, "VPL_GLOSSY": int(self.glossy)}
             kernel = self.runtime.kernel("vpl/vpl_place.cl", macros, (PLACE,))
             kernel.run(
-                "vpl place",
                 (self.segments, self.stride * (PARTS if part else 1)),
                 edges=chosen.edges.array,
                 places=places.array,
@@ -231,7 +222,6 @@ class DeviceVpls:
         for part, (world, stride) in enumerate(wanted[: 1 + int(self.parted)]):
             kernel = self.runtime.kernel("vpl/vpl_to_view.cl", {"VPL_PART": part}, (PLACE,))
             kernel.run(
-                "vpl place",
                 (self.segments, self.stride * (PARTS if part else 1)),
                 world=world,
                 lights=self.lights,

@@ -11,7 +11,7 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA
 from ssgi_cl.techniques.occupancy.occupancy_grid import TURN, Occupancy, packed_turn
 from ssgi_cl.techniques.vpl.flux_curve import CURVE, FluxCurve
-from ssgi_cl.techniques.vpl.packed_vpls import VPL
+from ssgi_cl.techniques.vpl_struct import VPL
 
 SUMS = VPL_MEANS
 
@@ -47,7 +47,6 @@ class ViewImportance:
         kernel = runtime.kernel("vpl/vpl_view_importance.cl", occupancy.macros, structs)
         for rsm, order, table, map_runs in curve.pieces():
             kernel.run(
-                "vpl importance",
                 rsm.size,
                 grid=(1, map_runs // runtime.variant.lanes),
                 position=rsm.position,
@@ -67,10 +66,6 @@ class ViewImportance:
                 rows=gbuffer.size[0],
             )
         runtime.kernel("vpl/vpl_view_mean.cl").run(
-            "vpl importance",
-            (runs, SUMS),
-            grid=(1, -(-SUMS // runtime.variant.lanes)),
-            local=(1, 1),
-            importance=self._importance,
+            (runs, SUMS), grid=(1, -(-SUMS // runtime.variant.lanes)), local=(1, 1), importance=self._importance
         )
         return self._importance

@@ -25,9 +25,10 @@ from ssgi_cl.rasterize.raster.device_scene import DeviceScene
 from ssgi_cl.techniques.filters.bilateral import Bilateral, BilateralParams
 from ssgi_cl.techniques.occupancy.occupancy_grid import Occupancy, OccupancyGrid, check_grid, grid_param
 from ssgi_cl.techniques.technique import Bench, Technique
-from ssgi_cl.techniques.vpl.packed_vpls import CAPACITY, NEAR_CAPACITY, VPL, DeviceVpls, VplChooser
+from ssgi_cl.techniques.vpl.packed_vpls import CAPACITY, NEAR_CAPACITY, DeviceVpls, VplChooser
 from ssgi_cl.techniques.vpl.view_importance import ViewImportance
 from ssgi_cl.techniques.vpl.vpl_light import NEARS, VplParams, camera_of, importance_param, lit_by_maps, refine_param
+from ssgi_cl.techniques.vpl_struct import VPL
 
 TILE, BOX = VPL_TILE, VPL_BOX
 ROWS = 2
@@ -167,7 +168,9 @@ class VplSplat(Prepared[VplSplatParams]):
         self._occupancy = None
         if self._grid is not None:
             own = {**values, **self._lights.values, "segment": 0, "count": 0}
-            self._occupancy = self._grid.fill(gbuffer, rsms, self._boxes, self._lights, self.size, own, scene)
+            self._occupancy = self._grid.fill(
+                gbuffer, rsms, self._boxes, self._lights.bounds, self._lights.segments, self.size, own, scene
+            )
             values["lift"] = self._occupancy.lift
             if vpls is None and self.params.importance:
                 self._choose_by_importance(gbuffer, rsms, self._occupancy)
@@ -240,7 +243,6 @@ class VplSplat(Prepared[VplSplatParams]):
         if params.cull:
             packed = VPL.pack({**values, **lights.values, "segment": 0, "count": 0})
             self.runtime.kernel("vpl/vpl_boxes.cl", structs=(CAMERA, VPL)).run(
-                "vpl boxes",
                 self.size,
                 grid=self._tiles,
                 depth=gbuffer.depth,
@@ -310,7 +312,6 @@ class VplSplat(Prepared[VplSplatParams]):
                     "VPL_GLOSSY": int(lights.glossy),
                 }
                 self.runtime.kernel("vpl/vpl_lists.cl", macros, structs).run(
-                    "vpl lists",
                     self.size,
                     grid=(rows, columns * lights.subsets),
                     boxes=self._boxes,
@@ -338,7 +339,6 @@ class VplSplat(Prepared[VplSplatParams]):
             if params.interleave:
                 if parted:
                     self.runtime.kernel("vpl/vpl_near.cl", structs=(CAMERA, VPL)).run(
-                        "vpl near",
                         self.size,
                         grid=(rows, columns),
                         boxes=self._boxes,
@@ -352,10 +352,7 @@ class VplSplat(Prepared[VplSplatParams]):
             else:
                 macros |= {"VPL_LISTS": int(params.cull), "VPL_PARTS": int(parted), "VPL_ROWS": ROWS}
                 self.runtime.kernel("vpl/vpl_splat.cl", macros, structs).run(
-                    "vpl splat",
-                    self.size,
-                    grid=(-(-self.size[0] // ROWS), -(-self.size[1] // self.runtime.variant.lanes)),
-                    **given,
+                    self.size, grid=(-(-self.size[0] // ROWS), -(-self.size[1] // self.runtime.variant.lanes)), **given
                 )
             add = True
 
@@ -365,7 +362,6 @@ class VplSplat(Prepared[VplSplatParams]):
         macros |= {"VPL_VISIBILITY": int(grid is not None), "VPL_SHARE": self.params.share}
         pieces = 16 * (16 // self.runtime.variant.lanes)
         self.runtime.kernel("vpl/vpl_interleaved.cl", macros, (CAMERA, VPL)).run(
-            "vpl splat",
             self.size,
             grid=(self._tiles[0], self._tiles[1] * pieces),
             occupancy=grid.grid if grid else None,

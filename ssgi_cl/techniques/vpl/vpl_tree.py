@@ -24,7 +24,8 @@ from ssgi_cl.device.constants import (
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.techniques.occupancy.occupancy_grid import Occupancy, OccupancyGrid
-from ssgi_cl.techniques.vpl.packed_vpls import VPL, DeviceVpls
+from ssgi_cl.techniques.vpl.packed_vpls import DeviceVpls
+from ssgi_cl.techniques.vpl_struct import VPL
 
 CUT = Struct("CutParams", (("first", "int"), ("groups", "int"), *floats("scale", "faint", "bright")))
 
@@ -134,7 +135,6 @@ class VplTree:
         packed, total = self._packed({}, (0, 0)), np.int32(self.lights.count)
         segments = self.lights.segments
         self._order.run(
-            "light order",
             (1, 1),
             grid=(1, segments),
             lights=self.lights.lights,
@@ -144,7 +144,6 @@ class VplTree:
             total=total,
         )
         self._make_runs.run(
-            "light runs",
             (1, 1),
             grid=(segments, self._runs),
             local=(1, 8),
@@ -169,7 +168,6 @@ class VplTree:
         by `other_light`, planes of irradiance in W/m^2 of a multiple of the source's size.
         """
         self._mean.run(
-            "mean",
             source.size,
             grid=(1, SAMPLES // self.runtime.variant.lanes),
             local=(1, 4),
@@ -187,7 +185,6 @@ class VplTree:
             self._limit(interpolation, runs, CUT_OWN)
         for plane in other_light:
             self._other.run(
-                "mean",
                 source.size,
                 grid=(1, SAMPLES // self.runtime.variant.lanes),
                 local=(1, 4),
@@ -203,7 +200,6 @@ class VplTree:
     def _limit(self, interpolation: float, runs: float, stage: int) -> None:
         """Queue the pass that sets `limits` from what is found."""
         self._limits.run(
-            "mean",
             (1, 1),
             grid=(1, 1),
             found=self._found,
@@ -260,7 +256,6 @@ class VplTree:
                     ),
                 }
                 self._cut.run(
-                    "light cuts",
                     source.size,
                     grid=(1, min(here, items)),
                     local=local,
@@ -273,7 +268,6 @@ class VplTree:
                     **shared,
                 )
                 shade.run(
-                    "light samples",
                     source.size,
                     grid=(1, min(here * pieces, items)),
                     local=local,

@@ -57,7 +57,7 @@ def looked_up(runtime: Runtime, skies: list[Environment], normal: Doubles) -> Do
     plane, result = runtime.plane(3, size), runtime.plane(3, size)
     plane.upload(normal.T.reshape(3, *size).astype(np.float32))
     kernel = runtime.kernel_from_text("look_up", LOOK_UP, ambient.macros)
-    kernel.run("look up", size, normal=plane, irradiance=ambient.irradiance, result=result)
+    kernel.run(size, normal=plane, irradiance=ambient.irradiance, result=result)
     return result.download().reshape(3, -1).T.astype(np.float64)
 
 

@@ -96,19 +96,24 @@ AS_GOOD = 1.05
 
 
 def techniques(results: Sequence[Result]) -> str:
-    """Return README's table: a row a call."""
+    """Return README's table: a row a setting of a call."""
     by_name = {short_name(r): r for r in results if r["scene"] == SCENE}
     sizes = {tuple(r["size"]) for r in by_name.values()}
     size = ", ".join(f"{columns} x {rows}" for rows, columns in sorted(sizes))
-    lines = [
-        f"| call | what it computes | {SCENE}, {size}: wall-clock ms of a frame (quartiles), RMSE |",
-        "|---|---|---|",
-    ]
+    lines = [f"| call | what it computes | setting; {SCENE}, {size} | ms | RMSE |", "|---|---|---|---:|---:|"]
     for call, meaning, cases in rows():
-        cells = [_figure(label, by_name.get(name)) for label, name in cases]
         shown = f"[`{call}`](docs/techniques/{call}.md)" if call in PAGES else f"`{call}`"
-        lines.append(f"| {shown} | {meaning} | {'; '.join(cells) or NOTHING} |")
+        for label, name in cases or (("", ""),):
+            result = by_name.get(name)
+            figures = (NOTHING, NOTHING) if result is None else (_median(result), _rmse(result) or NOTHING)
+            lines.append(f"| {shown} | {meaning} | {label} | {' | '.join(figures)} |")
+            shown = meaning = ""
     return "\n".join(lines)
+
+
+def _median(result: Result) -> str:
+    """Return a result's median wall time in ms."""
+    return milliseconds(result).rstrip("~")
 
 
 def cases_of(results: Sequence[Result], technique: str) -> str:
@@ -132,7 +137,7 @@ def _figure(label: str, result: Result | None) -> str:
     time = milliseconds(result)
     if time != NOTHING:
         time = f"{time} ({quartiles(result)})"
-    error = _rmse(result)
+    error = f"RMSE {_rmse(result)}" if _rmse(result) else ""
     return told + ", ".join(part for part in (time, error) if part and part != NOTHING)
 
 
@@ -142,8 +147,8 @@ def _rmse(result: Result) -> str:
     if error is None:
         return ""
     if result["quantity"] in ("direct", "bounce") and mean:
-        return f"RMSE {100.0 * error / mean:.3g} %"
-    return f"RMSE {number(error)}"
+        return f"{100.0 * error / mean:.3g} %"
+    return number(error)
 
 
 def speed_ups(results: Sequence[Result]) -> str:

@@ -50,8 +50,8 @@ demo: setup
 	$(BIN)/ssgi devices
 	$(BIN)/ssgi render cornell_box --views --output out/cornell_box.png
 	$(BIN)/ssgi render hall --views --output out/hall.png
-	$(BIN)/ssgi bench frame --scene cornell_box --scene hall --size 320x240 --own --mode default \
-		--frames 1 --truth-paths 32 --strips out
+	$(BIN)/ssgi bench frame.default --scene cornell_box --scene hall --size 320x240 --seconds 0.1 \
+		--truth-paths 32 --markdown out/frames.md
 	@if [ -n "$(SCENE)" ]; then \
 		set -x; $(BIN)/ssgi render "$(SCENE)" --views \
 			--output "out/$$(basename "$(SCENE)" | sed 's/\.[^.]*$$//').png"; \

@@ -19,7 +19,6 @@ from ssgi_cl.tuning.measured_scenes import views_of
 
 from . import compare, document, front, suite, summary, table
 from .cases import FAMILIES, OWN
-from .frame.command import frame_command
 from .options import (
     PixelSize,
     check_output,
@@ -86,22 +85,7 @@ _attenuation = click.option(
 )
 
 
-class _BenchCommand(click.Command):
-    """`ssgi bench`, whose first word may be `frame`: then `ssgi bench frame`."""
-
-    def make_context(self, info_name: Any, args: Any, parent: Any = None, **extra: Any) -> Any:
-        """Return the context of the command that is meant."""
-        if args and args[0] == frame_command.name:
-            name = f"{info_name} {frame_command.name}"
-            return frame_command.make_context(name, args[1:], parent, **extra)
-        return super().make_context(info_name, args, parent, **extra)
-
-    def invoke(self, ctx: click.Context) -> Any:
-        """Run the command of the context."""
-        return ctx.command.invoke(ctx) if ctx.command is not self else super().invoke(ctx)
-
-
-@click.command("bench", cls=_BenchCommand)
+@click.command("bench")
 @_patterns
 @_scenes
 @meshes_option
@@ -158,8 +142,8 @@ def bench_command(
 
     A CASE is family.setting.scene.COLUMNSxROWS, such as ssao.16.hall.800x600; * and ? stand for
     any characters, and later parts may be left out: `ssao`, `'ssao*.16'`. Without any, all are
-    measured. Truths are made once and kept (see `ssgi truth`). `ssgi bench frame` measures whole
-    frames, with options of its own.
+    measured. Truths are made once and kept (see `ssgi truth`). `ssgi bench frame
+    mitsuba-frame-oidn` measures whole frames beside a path tracer.
     """
     if compared:
         _compare(*compared)

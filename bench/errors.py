@@ -9,7 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.errors import MissingExtraError
+from ssgi_cl.rasterize.files.textures import srgb_to_linear
+from ssgi_cl.techniques.filters.tonemap import auto_exposure
 from ssgi_cl.truth import Truth, metrics
+
+SHOULDER = 0.25
+"""Of the tone curve y = x / (1 + SHOULDER x)."""
+GAMMA = 2.2
 
 PEAK_SHARE = 99.9
 """Per cent of the truth's values that its peak exceeds: of light, which has no greatest value."""
@@ -22,6 +28,7 @@ def errors_of(
     regions: dict[str, NDArray[np.bool_]],
     *,
     light: bool,
+    picture: bool = False,
 ) -> dict[str, Any]:
     """Return metric -> number over the pixels that show a surface.
 
@@ -32,6 +39,7 @@ def errors_of(
         regions: what `metrics.regions` returns.
         light: the values have no greatest one, as those of A have: FLIP is HDR-FLIP, and the peak
             of PSNR and SSIM is what 99.9 % of the truth's values do not exceed, in place of 1.
+        picture: they are radiance of a frame: FLIP is that of `picture_flip`.
 
     Returns:
         rmse, bias, p99, psnr, mrse, ssim and flip (None if flip-evaluator is not installed; of a
@@ -52,7 +60,7 @@ def errors_of(
         "mrse": metrics.mrse(image, mean, seen) if peak > 0.0 else None,
         "psnr": metrics.psnr(image, mean, seen, peak=peak) if peak > 0.0 else None,
         "ssim": metrics.ssim(image, mean, seen, peak=peak) if peak > 0.0 and whole else None,
-        "flip": _flip(image, mean, seen, light=light) if peak > 0.0 and whole else None,
+        "flip": _flip(image, mean, seen, light=light, picture=picture) if peak > 0.0 and whole else None,
         "mean": float(mean[seen].mean(dtype=np.float64)),
         "truth_error": math.sqrt(float(np.mean(truth.error[seen].astype(np.float64) ** 2))),
         "regions": {
@@ -68,11 +76,33 @@ def errors_of(
     return result
 
 
+def picture_flip(radiance: NDArray[np.floating], truth: NDArray[np.floating]) -> float:
+    """Return mean LDR-FLIP (Andersson et al. 2020) of radiance [rows, columns, 3] as a screen shows it.
+
+    Both get the truth's exposure, the tone curve y = x / (1 + x / 4) and gamma 2.2.
+
+    Raises:
+        MissingExtraError: flip-evaluator is not installed.
+    """
+    exposure = auto_exposure(np.asarray(truth, np.float32))
+    # FLIP wants linear light: what a screen makes of the encoded picture.
+    shown = [srgb_to_linear(on_screen(image, exposure)) for image in (radiance, truth)]
+    return metrics.flip(shown[0], shown[1])
+
+
+def on_screen(radiance: NDArray[np.floating], exposure: float) -> NDArray[np.float64]:
+    """Return the picture in [0, 1]: exposure, y = x / (1 + x / 4), clipped, gamma 2.2."""
+    light = np.maximum(np.asarray(radiance, np.float64), 0.0) * exposure
+    curve: NDArray[np.float64] = np.clip(light / (1.0 + SHOULDER * light), 0.0, 1.0) ** (1.0 / GAMMA)
+    return curve
+
+
 def _flip(
-    image: NDArray[np.float32], mean: NDArray[np.float32], seen: NDArray[np.bool_], *, light: bool
+    image: NDArray[np.float32], mean: NDArray[np.float32], seen: NDArray[np.bool_], *, light: bool, picture: bool
 ) -> float | None:
-    measure = metrics.hdr_flip if light else metrics.flip
     try:
-        return measure(image, mean, seen)
+        if picture:
+            return picture_flip(image, mean)
+        return (metrics.hdr_flip if light else metrics.flip)(image, mean, seen)
     except MissingExtraError:
         return None  # the document's versions say that it is not installed

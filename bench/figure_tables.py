@@ -30,7 +30,7 @@ OTHER_ROWS: Mapping[str, Row] = {
     "rasterize.rsm": ("reflective shadow map: depth, position, normal, flux", (("512 x 512", "rsm.512"),)),
     "ray_ao": ("ambient occlusion by Embree rays against the mesh: the reference", ()),
     "multi_bounce": ("AO corrected for light that surrounding surfaces reflect", ()),
-    "render": ("the whole frame with `ssao`, shadow maps included", (("", "frame.16"),)),
+    "render": ("the whole frame with `ssao`, shadow maps included", (("", "frame-ssao.16"),)),
 }
 """Rows of README's table that are of no technique of the catalogue."""
 

@@ -86,7 +86,7 @@ PASSES = (
     "blur.7",
     "upsample.2",
     "direct.1024",
-    "frame.16",
+    "frame-ssao.16",
     "radiosity.2048",
     "reflections.1",
 )

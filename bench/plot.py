@@ -15,7 +15,13 @@ from .wording import short_name, unit
 
 COLORS = ("#0072b2", "#c04a00", "#00815c", "#b0568b", "#946800", "#6b4fc0", "#4c4c4c")
 MARKERS = ("o", "s", "D", "^", "v")
-_STYLE = {"svg.hashsalt": "ssgi", "svg.fonttype": "none", "font.size": 9.0, "axes.grid": True, "grid.color": "#e7e7e2"}
+_STYLE: Any = {
+    "svg.hashsalt": "ssgi",
+    "svg.fonttype": "none",
+    "font.size": 9.0,
+    "axes.grid": True,
+    "grid.color": "#e7e7e2",
+}
 _SIZE = (7.6, 4.8)  # inches
 _PLACES = (
     ("left", 6, 4),
@@ -157,7 +163,9 @@ def _write(axes: Any, results: Sequence[Result]) -> None:
     at = axes.transData.transform([(ms, rmse) for ms, rmse, _ in points])
     taken = [Bbox.from_bounds(x - 4.0, y - 4.0, 8.0, 8.0) for x, y in at]
     inside = axes.get_window_extent()
-    named = [(axes.get_xlim()[1], rmse, short_name(result), (("right", -2, 2),)) for rmse, result in bounds]
+    named: list[tuple[float, float, str, Any]] = [
+        (axes.get_xlim()[1], rmse, short_name(result), (("right", -2, 2),)) for rmse, result in bounds
+    ]
     named += [(ms, rmse, str(result["setting"]), _PLACES) for ms, rmse, result in points]
     for x, y, text, places in named:
         for align, *offset in places:

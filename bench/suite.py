@@ -228,7 +228,9 @@ def _one(
         again = (lambda: family.prepare(context, case.setting)) if subject.on_device else None
         timing = watch.time(subject, again)
     errors: dict[str, Any] = {}
-    if with_errors and subject.image is not None and subject.truths and context.seen.any():
+    whole = subject.quantity == "radiance"  # of which the sky is a part
+    seen = np.ones_like(context.seen) if whole else context.seen
+    if with_errors and subject.image is not None and subject.truths and seen.any():
         image = subject.image()
         means = {}
         for name, make in subject.truths.items():
@@ -241,10 +243,15 @@ def _one(
             if np.isfinite(truth.mean).all():  # with holes it makes no picture
                 means[name] = truth.mean
             errors[name] = errors_of(
-                image, truth, context.seen, context.regions, light=subject.quantity not in ("occlusion", "model", "")
+                image,
+                truth,
+                seen,
+                context.regions,
+                light=subject.quantity not in ("occlusion", "model", ""),
+                picture=whole,
             )
         if subject.quantity != "bent":  # whose angles are no picture
-            found.pictures[case.name] = Pictures(image, means.get("world"), means.get("assumption"), context.seen)
+            found.pictures[case.name] = Pictures(image, means.get("world"), means.get("assumption"), seen)
     found.results.append(_entry(case, subject, timing, errors))
 
 

@@ -50,9 +50,9 @@ LEGEND = (
     "\\* nothing in its group is both faster and closer to the reference; + only such results are "
     "as overlap with it in time. ~ unsteady: the halves of its runs differ by more than a tenth, "
     "or the machine was busy; it counts like any other. RMSE, bias, MRSE, SSIM and FLIP (of light "
-    "HDR-FLIP) are against rays or paths through the mesh; the model's against what the same "
-    "screen-space model converges to. RMSE of light: in W/m², and as a share of the reference's "
-    "mean.",
+    "HDR-FLIP, of frames that of pictures with the reference's exposure) are against rays or paths "
+    "through the mesh; the model's against what the same screen-space model converges to. RMSE of "
+    "light: in W/m², and as a share of the reference's mean.",
 )
 _STRIP, _QUALITY = 1200, 80
 """Columns of a strip of three pictures, and what JPEG keeps of it, of 100."""

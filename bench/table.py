@@ -36,8 +36,8 @@ _LEGEND = (
     "ms: median wall time; device: by the device's clock; * nothing here is both faster and closer "
     "to the world's truth; + only what overlaps with it in time is; ~ unsteady, see below; "
     "ratio: wall time to that of the reference; ceiling: share of the nearer one; FLIP: of light "
-    "HDR-FLIP; model: RMSE and bias against what the same screen-space model converges to; %: of "
-    "the truth's mean"
+    "HDR-FLIP, of frames that of pictures; model: RMSE and bias against what the same screen-space "
+    "model converges to; %: of the truth's mean"
 )
 
 

@@ -12,13 +12,13 @@ from typing import Any
 
 from .document import clock
 from .front import Result, comparable, error_of, overlap, rivals_of
-from .peers import PEERS, embree, mitsuba_ao, mitsuba_path
+from .peers import PEERS, embree, mitsuba_ao, mitsuba_frame, mitsuba_path
 from .wording import number, short_name
 
 PUBLISHED = {"xegtao": "XeGTAO's High setting"}
 """Families that measure settings which others published, with this library's kernels."""
 
-STATIC = (*embree.FAMILIES, *mitsuba_ao.STATIC, *mitsuba_path.FAMILIES)
+STATIC = (*embree.FAMILIES, *mitsuba_ao.STATIC, *mitsuba_path.FAMILIES, *mitsuba_frame.KEPT)
 """Families of rays and paths against a mesh that does not move: its tree is built once."""
 MOVING = tuple(mitsuba_ao.MOVING)
 """Families of rays against a mesh that moves: its tree is built in every run."""

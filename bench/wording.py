@@ -19,9 +19,10 @@ _QUANTITIES = {
     "bounce": "One bounce of light",
     "cut": "One bounce of light, held to the same lights without a cutoff",
     "mirrored": "Light that glossy surfaces mirror, without walls",
+    "radiance": "Whole frames",
     "": "Passes without a world truth",
 }
-_UNITS = {"bent": "degrees", **dict.fromkeys(("direct", "bounce", "cut", "mirrored"), "W/m²")}
+_UNITS = {"bent": "degrees", **dict.fromkeys(("direct", "bounce", "cut", "mirrored"), "W/m²"), "radiance": "W/m²/sr"}
 
 
 def number(value: float | None, sign: str = "") -> str:

@@ -22,6 +22,7 @@ ORDER = (
     "bilateral",
     "upsample",
     "shade",
+    "whole_frame",
     "rsm_gather",
     "rsm_published",
     "ssdo",

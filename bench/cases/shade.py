@@ -85,4 +85,4 @@ class WholeFrame(Own):
         )
 
 
-FAMILIES: Mapping[str, Family] = {"direct": Direct(), "frame": WholeFrame()}
+FAMILIES: Mapping[str, Family] = {"direct": Direct(), "frame-ssao": WholeFrame()}

@@ -10,12 +10,13 @@ from collections.abc import Mapping
 
 from ssgi_cl.tuning.case import Family
 
-from . import embree, mitsuba_ao, mitsuba_path, pyrender, vtk_ssao
+from . import embree, mitsuba_ao, mitsuba_frame, mitsuba_path, pyrender, vtk_ssao
 
 PEERS: Mapping[str, Family] = {
     **embree.FAMILIES,
     **mitsuba_ao.FAMILIES,
     **mitsuba_path.FAMILIES,
+    **mitsuba_frame.FAMILIES,
     **vtk_ssao.FAMILIES,
     **pyrender.FAMILIES,
 }

@@ -7,7 +7,9 @@ Emission counts on both sides, as in the reference.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import gc
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
@@ -17,20 +19,20 @@ from numpy.typing import NDArray
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import Light
 from ssgi_cl.core.scene import Scene
+from ssgi_cl.truth.light import MOST_PATHS
 from ssgi_cl.truth.mitsuba_scene import MitsubaScene, sensor, within
+from ssgi_cl.tuning.case import Family, Subject, count_of
+from ssgi_cl.tuning.context import Context
 
+from ..views import moving_cameras
 from .mitsuba_rays import VARIANT, missing
 from .oidn import QUALITY
 
 Floats = NDArray[np.float32]
 
 MAX_DEPTH = 12
-SAMPLES = (1, 4, 16, 64)
-"""Per pixel."""
 GUIDE_SAMPLES = 4
 """Per pixel of the denoiser's guides, at most."""
-
-__all__ = ["MAX_DEPTH", "SAMPLES", "VARIANT", "PathFrames", "missing"]
 
 
 class PathFrames:
@@ -82,3 +84,58 @@ class PathFrames:
     def _rendered(self, mi: Any, integrator: Any, samples: int) -> Floats:
         image = mi.render(self._world.scene, sensor=self._sensor, integrator=integrator, spp=samples, seed=self._seed)
         return np.array(image, np.float32)
+
+
+@dataclass(frozen=True)
+class MitsubaFrame:
+    """Whole frames; the setting is the number of paths a pixel.
+
+    Attributes:
+        denoised: whether Intel's denoiser follows.
+        first: each frame with the scene loaded anew; else it stays and the camera moves.
+    """
+
+    SETTINGS: tuple[str, ...] = ("1", "4", "16", "64")
+    denoised: bool = False
+    first: bool = False
+
+    def missing(self) -> str:
+        """Return what to install where Mitsuba, LLVM or the denoiser is missing."""
+        return missing(denoised=self.denoised)
+
+    def prepare(self, context: Context, setting: str) -> Subject:
+        """Load the scene."""
+        samples = count_of(setting, "paths per pixel", 1, MOST_PATHS)
+        view, cameras = context.view, moving_cameras(context)
+        made: PathFrames | None = None
+
+        def forget() -> None:
+            nonlocal made
+            made = None
+            gc.collect()
+
+        def frame(camera: Camera) -> Floats:
+            nonlocal made
+            if made is None:
+                made = PathFrames(view.scene, view.own_lights, samples, denoised=self.denoised)
+            return made.frame(camera)
+
+        return Subject(
+            run=lambda: frame(context.camera if self.first else next(cameras)),
+            image=lambda: frame(context.camera),
+            setup=forget if self.first else None,
+            on_device=False,
+            quantity="radiance",
+            truths={"world": context.radiance},
+            counted="the whole frame"
+            + (", the scene loaded" if self.first else ", the camera moves")
+            + (", denoised" if self.denoised else ""),
+        )
+
+
+KEPT: Mapping[str, Family] = {"mitsuba-frame": MitsubaFrame(), "mitsuba-frame-oidn": MitsubaFrame(denoised=True)}
+FAMILIES: Mapping[str, Family] = {
+    **KEPT,
+    "mitsuba-frame-first": MitsubaFrame(first=True),
+    "mitsuba-frame-oidn-first": MitsubaFrame(first=True, denoised=True),
+}

@@ -72,7 +72,8 @@ class Subject:
         quantity: what the result is: "occlusion" (A in [0, 1]), "model" (the same, held to its own
             model alone), "bent" (angles to true bent normals, degrees), "direct" or "bounce"
             (irradiance by direct light or one bounce, W/m^2), "cut" and "mirrored" (bounces
-            held to all of their lights alone), or empty where the world has no truth for it.
+            held to all of their lights alone), "radiance" (of whole frames, W m^-2 sr^-1, of all
+            pixels), or empty where the world has no truth for it.
         samples: scattered reads or rays of a run, over all pixels that show something; 0 where
             that says nothing.
         moved: bytes that a run must read and write at least; 0 where that says nothing.

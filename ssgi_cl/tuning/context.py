@@ -164,6 +164,21 @@ class Context:
             ),
         )
 
+    def radiance(self) -> Truth:
+        """World truth of the radiance of a whole frame: all light, pixels as boxes."""
+        return self.truth(
+            f"radiance of {self.view.name}",
+            lambda progress: truth.radiance(
+                self.view.scene,
+                self.camera,
+                self.view.own_lights,
+                self.truths.paths,
+                box_filter=True,
+                rebuild=self.truths.rebuild,
+                progress=progress,
+            ),
+        )
+
     def unblocked_bounce(self) -> Truth:
         """As `bounce`, without indirect visibility: what light without shadow rays converges to."""
         return self.bounce(visibility=False)

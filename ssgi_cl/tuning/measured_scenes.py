@@ -6,6 +6,7 @@ import json
 import math
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from ssgi_cl.rasterize.raster.default_camera import camera_from_json, default_ca
 from ssgi_cl.rasterize.scenes import SCENE_NAMES, BuiltinScene, is_scene, make_scene
 
 _PIXELS = (800, 600)
+_SPOT = "-spot"
 _YFOV = math.radians(50.0)
 
 
@@ -33,7 +35,8 @@ def views_of(names: Sequence[str], runtime: Runtime, meshes: Path | None = None)
     """Return name -> scene with lights and a view.
 
     Args:
-        names: built-in or generated scenes (see `make_scene`), or files, which get the name of the
+        names: built-in or generated scenes (see `make_scene`), one whose lights stand in for what
+            its surfaces emit with "-spot" for these lights alone, or files, which get the name of the
             file without its ending, and where that has other letters than a-z, 0-9, _ and -, an
             underscore. A file is a mesh, with its camera in NAME.scene.json beside it if there is
             one, else that of the mesh's file if it has one, or a view: NAME.json with a camera (see
@@ -53,6 +56,8 @@ def views_of(names: Sequence[str], runtime: Runtime, meshes: Path | None = None)
     for name in names:
         if is_scene(name):
             view = make_scene(name)
+        elif name.endswith(_SPOT) and is_scene(name.removesuffix(_SPOT)):
+            view = _without_emission(make_scene(name.removesuffix(_SPOT)))
         elif Path(name).is_file() or Path(name).suffix.lower() in (*READERS, ".json"):
             view = _from_file(Path(name), runtime, meshes)
         else:
@@ -61,6 +66,14 @@ def views_of(names: Sequence[str], runtime: Runtime, meshes: Path | None = None)
             raise ValueError(f"two scenes are called {view.name!r}: expected different names")
         found[view.name] = view
     return found
+
+
+def _without_emission(view: BuiltinScene) -> BuiltinScene:
+    """Return a view by the lights that stand in for its emission, if they do."""
+    if not view.lights_stand_in:
+        raise ValueError(f"scene is {view.name + _SPOT!r}: the lights of {view.name} stand in for no emission")
+    materials = tuple(replace(material, emission=(0.0, 0.0, 0.0)) for material in view.scene.materials)
+    return replace(view, name=view.name + _SPOT, scene=replace(view.scene, materials=materials), lights_stand_in=False)
 
 
 def _from_file(path: Path, runtime: Runtime, meshes: Path | None) -> BuiltinScene:

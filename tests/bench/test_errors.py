@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ssgi_cl.bench.errors import errors_of
+from ssgi_cl.bench.errors import errors_of, on_screen, picture_flip
 from ssgi_cl.truth import Truth
 
 SEEN = np.ones((20, 30), np.bool_)
@@ -73,3 +73,22 @@ def test_a_black_truth_has_no_relative_error() -> None:
     assert found["ssim"] is None
     assert found["flip"] is None
     assert found["rmse"] == 0.0
+
+
+def test_flip_of_pictures_grows_with_the_error_and_is_the_same_at_any_exposure(rng: np.random.Generator) -> None:
+    pytest.importorskip("flip_evaluator", reason="flip-evaluator is not installed (extra 'truth')")
+    image = rng.random((24, 32, 3)).astype(np.float32) + 0.1
+    assert picture_flip(image, image) == 0.0
+    near, far = (picture_flip(image * np.float32(k), image) for k in (1.1, 2.0))
+    assert 0.0 < near < far
+    assert picture_flip(64.0 * 1.1 * image, 64.0 * image) == pytest.approx(near, rel=1e-3)
+    seen = np.ones((24, 32), np.bool_)
+    found = errors_of(1.1 * image, truth_of(image), seen, {"elsewhere": seen}, light=True, picture=True)
+    assert found["flip"] == pytest.approx(near, rel=1e-5)
+    assert found["mrse"] == pytest.approx(float(np.mean((0.1 * image / (image + 0.01)) ** 2)), rel=1e-3)
+
+
+def test_tone_curve_is_the_documented_one() -> None:
+    # x e / (1 + x e / 4): 2 at exposure 2 is 4 / 2, clipped; 0.25 at 1 is 0.25 / 1.0625.
+    np.testing.assert_allclose(on_screen(np.array([2.0, -1.0, 0.0]), 2.0), [1.0, 0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(on_screen(np.array([0.25]), 1.0), (0.25 / 1.0625) ** (1 / 2.2))

@@ -31,13 +31,17 @@ PACKAGES = {
     "mitsuba-ao-moving-oidn": ("pyoidn", "peers"),
     "mitsuba-path": ("mitsuba", "truth"),
     "mitsuba-path-oidn": ("pyoidn", "peers"),
+    "mitsuba-frame": ("mitsuba", "truth"),
+    "mitsuba-frame-first": ("mitsuba", "truth"),
+    "mitsuba-frame-oidn": ("pyoidn", "peers"),
+    "mitsuba-frame-oidn-first": ("pyoidn", "peers"),
     "vtk-ssao": ("vtkmodules", "peers"),
     "pyrender": ("pyrender", "opengl"),
 }
 """Family -> the package it needs, and the extra that brings it."""
 
 OCCLUSION = [name for name in PACKAGES if name.startswith(("embree", "vtk-ssao", "mitsuba-ao"))]
-RAYS = [name for name in PACKAGES if name.startswith(("embree", "mitsuba"))]
+RAYS = [name for name in PACKAGES if name.startswith(("embree", "mitsuba-ao", "mitsuba-path"))]
 
 
 def installed(name: str) -> Family:

@@ -242,14 +242,17 @@ def test_more_memory_than_there_is_ends_in_an_error(fresh: Runtime) -> None:
 
 def test_passes_are_timed_by_name_in_their_order(runtime: Runtime) -> None:
     start, end = runtime.plane(1, (64, 64)), runtime.plane(1, (64, 64))
-    kernel = runtime.kernel_from_text("add", ADD, {"TERM": 1})
+    first, second, fourth = (
+        runtime.kernel_from_text(name, ADD.replace("void add(", f"void {name}("), {"TERM": 1})
+        for name in ("first", "second", "fourth")
+    )
     with runtime.frame():
         runtime.skip("none", "nothing to do")
-        kernel.run((64, 64), source=start, sum=end)
+        first.run((64, 64), source=start, sum=end)
         with runtime.frame():
-            kernel.run((64, 64), source=end, sum=start)
+            second.run((64, 64), source=end, sum=start)
         runtime.skip("third", "the same as before")
-        kernel.run((64, 64), source=start, sum=end)
+        fourth.run((64, 64), source=start, sum=end)
     times = [time for time in runtime.times() if time.name != "copy to image"]
     assert [time.name for time in times] == ["none", "add", "add", "third", "add"]
     assert times[0] == PassTime("none", 0.0, "nothing to do")

@@ -1,4 +1,6 @@
-"""Where a frame's error comes from: its terms replaced by those of the reference, one by one.
+"""Where a frame's error comes from: `python -m ssgi_cl.bench.experiments.ablation --help`.
+
+Its terms are replaced by those of the reference, one by one.
 
 Light adds up, so that the frame is the sum of frames by part of the light, and the reference the
 sum of references by the same parts. Pixels of glossy surfaces are a term of their own: what a lobe
@@ -7,13 +9,19 @@ mirrors has all parts in it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, NamedTuple
 
+import click
 import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl import truth
+from ssgi_cl.bench.cases.whole_frame import MODES
+from ssgi_cl.bench.errors import picture_flip
+from ssgi_cl.bench.options import PixelSize, device_option, human_errors, meshes_option, progress_bar
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.lights import Environment, Light
 from ssgi_cl.core.scene import Scene
@@ -21,13 +29,11 @@ from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.render import render
 from ssgi_cl.rasterize.raster.view import gbuffer
-from ssgi_cl.rasterize.scenes import BuiltinScene
+from ssgi_cl.rasterize.scenes import REPORTED, BuiltinScene
+from ssgi_cl.truth import Truth, metrics
+from ssgi_cl.tuning.measured_scenes import views_of
 
-from .error import FrameError, frame_error
-from .measure import Progress, reference, without_emission
-from .modes import Mode
-
-Floats = NDArray[np.float32]
+Progress = Callable[[str, float], object]
 Terms = dict[str, NDArray[np.float64]]
 
 NOTHING, EDGES = "nothing", "edges (pixel filter)"
@@ -40,6 +46,26 @@ DIRECT, SKY, EMISSION, FIRST, LATER, GLOSSY = (
     "later bounces",
     "glossy surfaces",
 )
+
+DIRECT_ALONE: Mapping[str, Mapping[str, Any]] = {"direct": {}, "multires": {"indirect": False}}
+"""Frame -> what to change for direct light, of punctual lights, emission and environments; where no
+change gives it, reflected light is subtracted from the frame."""
+ONE_BOUNCE: Mapping[str, Any] = {"bounces": 1}
+"""What to change of other frames for direct light and one bounce."""
+
+
+class FrameError(NamedTuple):
+    """Errors of a frame.
+
+    Attributes:
+        flip: see `picture_flip`.
+        mrse: mean of (v - r)^2 / (r + 0.01)^2, of radiance.
+        bias: mean difference over the reference's mean.
+    """
+
+    flip: float
+    mrse: float
+    bias: float
 
 
 @dataclass(frozen=True)
@@ -63,12 +89,15 @@ def ablation(
     view: BuiltinScene,
     size: Size,
     runtime: Runtime,
-    mode: Mode,
+    mode: str = "default",
     *,
     paths: int = 256,
     progress: Progress = lambda text, share: None,
 ) -> list[Replaced]:
-    """Return the errors of a frame as it is, with each term replaced, and with none but the noise."""
+    """Return the errors of a frame as it is, with each term replaced, and with none but the noise.
+
+    `mode` is a key of `MODES`.
+    """
     told = reference(view, size, paths, progress)
     expected = told.mean.astype(np.float64)
     seen = gbuffer(view.scene, view.camera(size[1], size[0]), runtime=runtime)
@@ -95,7 +124,22 @@ def ablation(
 
 
 def _errors(image: NDArray[np.float64], expected: NDArray[np.float64]) -> FrameError:
-    return frame_error(image.astype(np.float32), expected.astype(np.float32))
+    value, true = (np.maximum(light.astype(np.float32), 0.0).astype(np.float64) for light in (image, expected))
+    mean = float(true.mean())
+    bias = float((value - true).mean()) / mean if mean > 0.0 else 0.0
+    return FrameError(picture_flip(value, true), metrics.mrse(value, true), bias)
+
+
+def reference(view: BuiltinScene, size: Size, paths: int, progress: Progress = lambda text, share: None) -> Truth:
+    """Return the radiance that frames of a view are held to: pixels as boxes, all bounces."""
+    return truth.radiance(
+        view.scene,
+        view.camera(size[1], size[0]),
+        view.own_lights,
+        paths,
+        box_filter=True,
+        progress=lambda share: progress(f"reference of {view.name}", share),
+    )
 
 
 def _glossy(seen: GBuffer) -> NDArray[np.bool_]:
@@ -120,9 +164,9 @@ def _apart(terms: Terms, glossy: NDArray[np.bool_]) -> Terms:
 
 def _parts(view: BuiltinScene) -> dict[str, tuple[Scene, tuple[Light, ...]]]:
     """Return scene and lights of each part of the direct light; what shines nowhere is left out."""
-    dark = without_emission(view.scene)
-    skies = tuple(light for light in view.lights if isinstance(light, Environment))
-    punctual_lights = tuple(light for light in view.lights if not isinstance(light, Environment))
+    dark = replace(view.scene, materials=tuple(replace(m, emission=(0.0,) * 3) for m in view.scene.materials))
+    skies = tuple(light for light in view.own_lights if isinstance(light, Environment))
+    punctual_lights = tuple(light for light in view.own_lights if not isinstance(light, Environment))
     parts = {DIRECT: (dark, punctual_lights), SKY: (dark, skies)}
     found = {term: part for term, part in parts.items() if part[1]}
     if any(material.emits for material in view.scene.materials):
@@ -145,13 +189,13 @@ def _true_terms(view: BuiltinScene, size: Size, seen: GBuffer, paths: int, progr
         # What is seen of it; what it lights is a bounce, as in frames.
         emission = np.zeros((*size, 3)) if seen.emission is None else seen.emission
         direct[EMISSION] = np.asarray(emission, np.float64)
-    once, every = (made(view.scene, view.lights, bounces) for bounces in (1, "all"))
+    once, every = (made(view.scene, view.own_lights, bounces) for bounces in (1, "all"))
     straight = sum(direct.values(), np.zeros_like(every))
     box = reference(view, size, paths, progress).mean.astype(np.float64)
     return {**direct, FIRST: once - straight, LATER: every - once, EDGES: box - every}
 
 
-def _own_terms(view: BuiltinScene, size: Size, runtime: Runtime, mode: Mode) -> Terms:
+def _own_terms(view: BuiltinScene, size: Size, runtime: Runtime, mode: str) -> Terms:
     camera = view.camera(size[1], size[0])
 
     def made(scene: Scene, lights: tuple[Light, ...], options: dict[str, Any]) -> Any:
@@ -170,14 +214,48 @@ def _own_terms(view: BuiltinScene, size: Size, runtime: Runtime, mode: Mode) -> 
         reflected = albedo / np.pi * gaps * found.indirect.astype(np.float64)
         return found.radiance - np.where(np.isfinite(depth)[..., None], reflected, 0.0)
 
-    whole = dict(mode.options)
+    whole, alone = dict(MODES[mode]), DIRECT_ALONE.get(mode)
     direct = {
-        term: unreflected(*part, whole) if mode.direct is None else made(*part, {**whole, **mode.direct})
+        term: unreflected(*part, whole) if alone is None else made(*part, {**whole, **alone})
         for term, part in _parts(view).items()
     }
-    every = made(view.scene, view.lights, whole)
+    every = made(view.scene, view.own_lights, whole)
     straight = sum(direct.values(), np.zeros_like(every))
     once = every
-    if mode.one_bounce is not None:
-        once = made(view.scene, view.lights, {**whole, **mode.one_bounce})
+    if mode not in DIRECT_ALONE:  # which has no later bounces
+        once = made(view.scene, view.own_lights, {**whole, **ONE_BOUNCE})
     return {**direct, FIRST: once - straight, LATER: every - once, EDGES: np.zeros_like(every)}
+
+
+def told(terms: list[Replaced]) -> str:
+    """Return the lines of a Markdown table."""
+    lines = ["| replaced by its truth | light | FLIP | rel. MSE | FLIP if it alone is ours | rel. MSE |"]
+    lines.append("|---|---:|---:|---:|---:|---:|")
+    for term in terms:
+        kept = " | " if term.kept is None else f"{term.kept.flip:.3f} | {term.kept.mrse:.3g}"
+        alone = f"{term.alone.flip:.3f} | {term.alone.mrse:.3g}"
+        lines.append(f"| {term.term} | {100.0 * term.share:.1f} % | {alone} | {kept} |")
+    return "\n".join(lines)
+
+
+@click.command()
+@click.option("--scene", "scenes", multiple=True, default=REPORTED, show_default=True, help="As of `ssgi bench`.")
+@meshes_option
+@click.option("--size", type=PixelSize(), default="400x300", show_default=True, help="Of the image in pixels.")
+@device_option
+@click.option("--mode", default="default", show_default=True, type=click.Choice(list(MODES)), help="Of our frames.")
+@click.option("--truth-paths", default=128, show_default=True, type=click.IntRange(2, 1 << 20), help="Per pixel.")
+def main(
+    scenes: tuple[str, ...], meshes: Path | None, size: Size, device: str | None, mode: str, truth_paths: int
+) -> None:
+    """Replace the terms of frames by those of the reference, one at a time."""
+    with human_errors():
+        runtime = Runtime.open(device)
+        with progress_bar() as step:
+            for view in views_of(scenes, runtime, meshes).values():
+                found = ablation(view, size, runtime, mode, paths=truth_paths, progress=step)
+                click.echo(f"## {view.name}, {size[1]} x {size[0]}, `{mode}`\n\n{told(found)}\n")
+
+
+if __name__ == "__main__":
+    main(prog_name="python -m ssgi_cl.bench.experiments.ablation")

@@ -1,1 +1,0 @@
-"""Whole frames against path tracing: time, error, and which term the error comes from."""

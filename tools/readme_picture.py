@@ -28,9 +28,8 @@ def main() -> None:
     reference = gi.truth.radiance(room.scene, camera, room.lights, paths=PATHS).mean
     panels = [gi.tonemap(np.float32(light), exposure=frame.exposure) for light in (frame.radiance, reference)]
     bias = np.mean(frame.radiance, dtype=np.float64) / np.mean(reference, dtype=np.float64) - 1.0
-    print(
-        f"FLIP {picture_flip(frame.radiance, reference):.3f}, mean {100.0 * bias:+.1f} %, {PATHS} paths, {WIDTH} x {HEIGHT}"
-    )
+    flip = picture_flip(frame.radiance, reference)
+    print(f"FLIP {flip:.3f}, mean {100.0 * bias:+.1f} %, {PATHS} paths, {WIDTH} x {HEIGHT}")
     gap = np.full((HEIGHT, 8, 3), 255, np.uint8)
     Image.fromarray(np.concatenate([panels[0], gap, panels[1]], axis=1)).save(TARGET, quality=88)
 

@@ -9,8 +9,8 @@
 //                  (SHADE_SHADOW 1)
 //          crops   the parts of its faces, see direct/crops.clh; the faces of a point light are
 //                  +x -x +y -y +z -z (SHADE_SHADOW 1)
-//          blocks  of the map, see direct/blocks.clh; without any (light.blocks 0) the map stands in
-//                  for them and is not read as such (SHADE_SHADOW 1)
+//          blocks  of the map, see direct/blocks.clh; without any (light.blocks 0) the map stands
+//                  in for them and is not read as such (SHADE_SHADOW 1)
 //          With light.facets 1 depths are exact: what lies on a facet that is turned away from the
 //          light is dark, and facets are what maps are compared with (SHADE_SHADOW 1).
 //          albedo, specular, gloss  with margin (SHADE_LOBE 1)

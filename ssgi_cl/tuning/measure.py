@@ -1,4 +1,4 @@
-"""How long a subject takes, measured beside a reference so that the machine's moods cancel."""
+"""Timer of a subject, with a reference beside it so that changes of the machine's speed cancel."""
 
 from __future__ import annotations
 

@@ -115,7 +115,7 @@ def test_a_page_that_differs_from_the_json_is_found(tmp_path: Path) -> None:
     text = figure_text.filled((tmp_path / "README.md").read_text(encoding="utf-8"), blocks)
     assert text.startswith("before\n<!-- figures:techniques -->\n| call |")
     assert text.endswith("<!-- end -->\nafter\n")
-    assert "cosine-weighted | 3.00 (2.94..3.06), RMSE 0.0700; 2 layers: - |" in text
+    assert "cosine-weighted |  | 3.00 | 0.0700 |\n|  |  | 2 layers | - | - |" in text
     assert figure_text.filled(text, blocks) == text
     assert "old" not in text
 

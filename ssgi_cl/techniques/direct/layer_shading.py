@@ -77,7 +77,7 @@ class LitLayers:
             outer side of every other layer away from the camera.
 
     Attributes:
-        passes: what makes the light of lights.
+        passes: of direct light.
         lights: 3 images of `whole`: irradiance by lights on the front layer, W/m^2, or None if no
             light shone on the last frame. Its memory goes to others where this is set to None.
     """

@@ -1,4 +1,4 @@
-"""Direct light of lights: spot, point and directional lights with the shadows of their maps."""
+"""Direct light of spot, point and directional lights, with the shadows of their maps."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class ShadowMap:
 
 
 class PunctualLights:
-    """The light of lights, prepared for images of one size.
+    """Direct light of punctual lights, prepared for images of one size.
 
     Args:
         runtime: the device.

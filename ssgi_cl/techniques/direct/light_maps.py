@@ -69,7 +69,7 @@ class LightMaps:
         Which lights reflect anything is read back, 4 bytes a face, when a map was drawn.
 
         Returns:
-            A shadow map for each light (None: it is not a light, or it emits nothing), and what
+            A shadow map for each light (None for an environment, and where it emits nothing), and what
             reflects their light: None if nothing does, or if it was not asked for.
         """
         punctual_lights = {

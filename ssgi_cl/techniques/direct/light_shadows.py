@@ -51,7 +51,7 @@ class LightShadowParams(Params):
 
 
 class LightShadows(PunctualLights, Prepared[LightShadowParams]):
-    """The light of lights with the shadows of their maps or, without one, of what is seen.
+    """Direct light of punctual lights with the shadows of their maps or, without one, of what is seen.
 
     A light's `radius` or `angle` makes its shadows soft. See `PunctualLights` for the arguments of
     `run`.

@@ -15,7 +15,7 @@ from ssgi_cl.techniques.ssdo.ssdo_params import SsdoParams
 
 
 def punctual_lights_of(runtime: Runtime, size: Size, params: SsdoParams) -> Callable[[], PunctualLights]:
-    """Return what makes the light of lights for images of a size."""
+    """Return the pass of direct light for images of a size."""
     if params.shadow_taps == 0:
         return lambda: PunctualLights(runtime, size, kept=False)
     return lambda: LightShadows(runtime, size, params.punctual_lights(), kept=False)

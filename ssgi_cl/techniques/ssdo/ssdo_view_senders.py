@@ -1,4 +1,4 @@
-"""What auxiliary cameras add to directional occlusion: light of surfaces that only they see."""
+"""Senders that auxiliary cameras alone see, added to directional occlusion."""
 
 from __future__ import annotations
 

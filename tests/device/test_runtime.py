@@ -254,7 +254,7 @@ def test_passes_are_timed_by_name_in_their_order(runtime: Runtime) -> None:
         runtime.skip("third", "the same as before")
         fourth.run((64, 64), source=start, sum=end)
     times = [time for time in runtime.times() if time.name != "copy to image"]
-    assert [time.name for time in times] == ["none", "add", "add", "third", "add"]
+    assert [time.name for time in times] == ["none", "first", "second", "third", "fourth"]
     assert times[0] == PassTime("none", 0.0, "nothing to do")
     assert all(time.skipped or 0.0 < time.ms < 1e4 for time in times)
     with runtime.frame():

@@ -24,7 +24,7 @@ from ssgi_cl.rasterize.files.gltf_document import read_document
 from ssgi_cl.rasterize.files.load import load_scene
 from ssgi_cl.rasterize.files.textures import TextureSet
 
-SHARED = Path(__file__).parents[2] / "shared" / "scenes"
+SHARED = Path(__file__).parents[3] / "shared" / "scenes"
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 # float32 positions within a few units of the origin.

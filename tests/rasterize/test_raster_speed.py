@@ -22,7 +22,7 @@ from ssgi_cl.rasterize.raster.shadow_map import RsmRenderer, light_cameras
 
 pytestmark = pytest.mark.slow
 
-SPONZA = Path(__file__).parents[2] / "shared" / "scenes" / "sponza" / "sponza.glb"
+SPONZA = Path(__file__).parents[3] / "shared" / "scenes" / "sponza" / "sponza.glb"
 FRAMES = 15
 
 

@@ -22,7 +22,7 @@ from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 Doubles = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-SPONZA = Path(__file__).parents[2] / "shared" / "scenes" / "sponza" / "sponza.glb"
+SPONZA = Path(__file__).parents[3] / "shared" / "scenes" / "sponza" / "sponza.glb"
 WIDTH, HEIGHT = 240, 180
 FEW = 1e-3
 """Share of pixels in which another triangle may win at a rounding: silhouettes, T-junctions."""

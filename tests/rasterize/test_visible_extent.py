@@ -26,7 +26,7 @@ from ssgi_cl.rasterize.raster.visible_extent import visible_extent
 from ssgi_cl.rasterize.scenes import make_scene
 
 FOV = 0.9  # radians
-SHARED = Path(__file__).parents[2] / "shared" / "scenes"
+SHARED = Path(__file__).parents[3] / "shared" / "scenes"
 
 
 def joined(*meshes: Any) -> Scene:

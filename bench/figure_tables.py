@@ -9,7 +9,7 @@ from ssgi_cl.techniques.catalogue import CATALOGUE
 from ssgi_cl.techniques.technique import Row
 
 from .document import clock, metric
-from .wording import NOTHING, milliseconds, number, quartiles, short_name
+from .wording import NOTHING, median, milliseconds, number, quartiles, short_name
 
 Result = Mapping[str, Any]
 
@@ -107,15 +107,10 @@ def techniques(results: Sequence[Result]) -> str:
         shown = f"[`{call}`](docs/techniques/{call}.md)" if call in PAGES else f"`{call}`"
         for label, name in cases or (("", ""),):
             result = by_name.get(name)
-            figures = (NOTHING, NOTHING) if result is None else (_median(result), _rmse(result) or NOTHING)
+            figures = (NOTHING, NOTHING) if result is None else (median(result), _rmse(result) or NOTHING)
             lines.append(f"| {shown} | {meaning} | {label} | {' | '.join(figures)} |")
             shown = meaning = ""
     return "\n".join(lines)
-
-
-def _median(result: Result) -> str:
-    """Return a result's median wall time in ms."""
-    return milliseconds(result).rstrip("~")
 
 
 def cases_of(results: Sequence[Result], technique: str) -> str:
@@ -139,7 +134,8 @@ def _figure(label: str, result: Result | None) -> str:
     time = milliseconds(result)
     if time != NOTHING:
         time = f"{time} ({quartiles(result)})"
-    error = f"RMSE {_rmse(result)}" if _rmse(result) else ""
+    rmse = _rmse(result)
+    error = f"RMSE {rmse}" if rmse else ""
     return told + ", ".join(part for part in (time, error) if part and part != NOTHING)
 
 

@@ -66,11 +66,14 @@ def short_name(result: Mapping[str, Any]) -> str:
     return f"{result['family']}.{result['setting']}"
 
 
+def median(result: Mapping[str, Any]) -> str:
+    """Return a result's median wall time in ms; `NOTHING` for a bound."""
+    return number(clock(result)["median"]) if timed(result) else NOTHING
+
+
 def milliseconds(result: Mapping[str, Any]) -> str:
-    """Return a result's median wall time, marked ~ if it is unsteady; `NOTHING` for a bound."""
-    if not timed(result):
-        return NOTHING
-    return number(clock(result)["median"]) + ("~" if result["unsteady"] else "")
+    """Return `median`, marked ~ if it is unsteady."""
+    return median(result) + ("~" if timed(result) and result["unsteady"] else "")
 
 
 def quartiles(result: Mapping[str, Any]) -> str:

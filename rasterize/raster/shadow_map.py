@@ -11,7 +11,7 @@ from ssgi_cl.core import checks
 from ssgi_cl.core.camera import Camera, look_at_matrix, perspective_matrix
 from ssgi_cl.core.gbuffer import ReflectiveShadowMap
 from ssgi_cl.core.lights import DirectionalLight, PointLight, SpotLight
-from ssgi_cl.core.scene import Scene
+from ssgi_cl.core.scene import Scene, box_corners
 from ssgi_cl.device.arrays import Plane
 from ssgi_cl.device.gbuffer import VIEW_ROTATION, DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime, serialised
@@ -116,7 +116,7 @@ def light_cameras(
         bounds: [2, 3] box round the scene, world space.
         size: rows and columns of each camera.
     """
-    corners = np.array([[bounds[i, 0], bounds[j, 1], bounds[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+    corners = box_corners(bounds)
     if isinstance(light, DirectionalLight):
         return (_directional_camera(np.asarray(light.direction), corners, size),)
     position = np.asarray(light.position)

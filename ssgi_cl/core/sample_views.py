@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.sampling import TILE_ORDER
+from ssgi_cl.core.scene import box_corners
 
 Doubles = NDArray[np.float64]
 
@@ -29,7 +30,7 @@ def sample_views(directions: Doubles, bounds: Doubles, texels: int) -> tuple[Dou
         [n, 3, 4] matrices that take a point to (column, row, depth) of the map, depth > 0 along the
         light's way; and [n] the diagonal of a texel, in the units of the box.
     """
-    corners = np.array([[bounds[i, 0], bounds[j, 1], bounds[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+    corners = box_corners(bounds)
     extent = float(np.linalg.norm(bounds[1] - bounds[0])) or 1.0
     least = 1e-4 * extent  # of a map's side: a flat scene seen edge on
     views, diagonals = np.zeros((len(directions), 3, 4)), np.zeros(len(directions))

@@ -213,3 +213,8 @@ def mip_texels(rows: int, columns: int) -> int:
         rows, columns = (rows + 1) // 2, (columns + 1) // 2
         count += rows * columns
     return count
+
+
+def box_corners(bounds: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the corners [8, 3] of a box given as `Scene.bounds` [2, 3]."""
+    return np.array([[bounds[i, 0], bounds[j, 1], bounds[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])

@@ -27,7 +27,7 @@ class _Kept:
     call: int
 
 
-class Prepared:
+class PreparedResults:
     """What calls of the library left for later ones; see `Runtime.prepared`.
 
     Attributes:

@@ -24,7 +24,7 @@ from ssgi_cl.device.image_limits import ImageLimits
 from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.memory import DeviceMemory, outline
 from ssgi_cl.device.opencl import listed_device, opencl
-from ssgi_cl.device.prepared import Prepared
+from ssgi_cl.device.prepared import PreparedResults
 from ssgi_cl.device.process import check_not_forked, load_driver, usable_device
 from ssgi_cl.device.programs import Programs
 from ssgi_cl.device.structs import Struct
@@ -70,7 +70,7 @@ class Runtime:
         )
         self.programs = Programs(self, short_header=device.platform.name == "Portable Computing Language")
         self.transient = TransientMemory(self)
-        self._prepared = Prepared(self)
+        self._prepared = PreparedResults(self)
         self._log = FrameLog()
         self.lock = threading.RLock()
         self._depth = 0  # of calls within calls, in the thread that has the lock

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.params import Prepared, param
-from ssgi_cl.core.scene import Scene
+from ssgi_cl.core.scene import Scene, box_corners
 from ssgi_cl.core.vpls import Vpls
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
@@ -241,7 +241,7 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
     def block(self, gbuffer: DeviceGBuffer, scene: Scene) -> Occupancy:
         """Queue the passes that find what blocks rays where nothing shone, for other rays."""
         assert self._occupancy is not None  # noqa: S101  of an object with `visibility`
-        corners = np.array([[scene.bounds[i >> k & 1, k] for k in range(3)] for i in range(8)])
+        corners = box_corners(scene.bounds)
         dark = Vpls(corners, np.tile([0.0, 0.0, 1.0], (8, 1)), np.zeros((8, 3)), np.ones(8))
         lights = DeviceVpls(self.runtime, 16)
         lights.upload(dark, camera_of(gbuffer, self.size))

@@ -13,7 +13,7 @@ from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.lights import Light, environments_of
 from ssgi_cl.core.params import Params, Prepared, param
-from ssgi_cl.core.scene import Scene
+from ssgi_cl.core.scene import Scene, box_corners
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
@@ -266,7 +266,7 @@ def reflections(
     technique.params = chosen
     shadows = uploaded_maps(lights, shadow_maps, runtime)
     maps = on_device_rsms([rsm for rsm in shadow_maps or () if rsm is not None], runtime)
-    corners = np.array([[scene.bounds[i >> k & 1, k] for k in range(3)] for i in range(8)])
+    corners = box_corners(scene.bounds)
     half = float(np.abs(corners @ camera.view[:3, :3].T + camera.view[:3, 3]).max())
     with runtime.frame():
         surfaces.run(scene, lights, rsms=maps)

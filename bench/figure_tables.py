@@ -16,8 +16,8 @@ Result = Mapping[str, Any]
 SCENE = "hall"
 """Of README's table."""
 
-BESIDE = ("ray_ao", "multi_bounce")
-"""Functions of techniques that run on the host, which the catalogue has not."""
+BESIDE = ("ray_ao", "multi_bounce", "shadow_maps", "blended_layers")
+"""Functions that run on the host or draw, which the catalogue has not."""
 
 PAGES = (*CATALOGUE, *BESIDE)
 """Techniques that have a page in docs/techniques."""
@@ -28,6 +28,8 @@ OTHER_ROWS: Mapping[str, Row] = {
         (("1 layer", "gbuffer.1"), ("4 layers", "gbuffer.4")),
     ),
     "rasterize.rsm": ("reflective shadow map: depth, position, normal, flux", (("512 x 512", "rsm.512"),)),
+    "shadow_maps": ("the shadow map of each light", ()),
+    "blended_layers": ("surfaces that are seen through, in layers", (("4 layers", "blended-layers.4"),)),
     "ray_ao": ("ambient occlusion by Embree rays against the mesh: the reference", ()),
     "multi_bounce": ("AO corrected for light that surrounding surfaces reflect", ()),
     "render": ("the whole frame with `ssao`, shadow maps included", (("", "frame-ssao.16"),)),
@@ -37,6 +39,8 @@ OTHER_ROWS: Mapping[str, Row] = {
 ORDER = (
     "rasterize.gbuffer",
     "rasterize.rsm",
+    "shadow_maps",
+    "blended_layers",
     "gtao",
     "gtao(bent_normals=True)",
     "bitmask_ao",

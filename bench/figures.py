@@ -81,6 +81,7 @@ LIGHT = (
 PASSES = (
     "gbuffer",
     "rsm.512",
+    "blended-layers.4",
     "bent-normals.none",
     "bent-normals.2x9",
     "blur.7",

@@ -30,6 +30,10 @@ from .frame.params import WholeFrameParams as WholeFrameParams
 from .frame.render import render as render
 from .frame.renderer import Renderer as Renderer
 from .frame.result import Frame as Frame
+from .rasterize.raster.blended_layers import BlendedLayer as BlendedLayer
+from .rasterize.raster.blended_layers import BlendedLayers as BlendedLayers
+from .rasterize.raster.blended_layers import blended_layers as blended_layers
+from .rasterize.raster.shadow_map import shadow_maps as shadow_maps
 from .techniques.ao.bitmask_ao import BitmaskAo as BitmaskAo
 from .techniques.ao.bitmask_ao import BitmaskParams as BitmaskParams
 from .techniques.ao.bitmask_ao import bitmask_ao as bitmask_ao

@@ -37,10 +37,7 @@ def _scene(name: str) -> tuple[BuiltinScene, gi.Camera, gi.GBuffer]:
 @cache
 def _rsms(name: str) -> tuple[Any, ...]:
     built, _, _ = _scene(name)
-    return tuple(
-        None if isinstance(light, gi.Environment) else gi.rasterize.rsm(built.scene, light, size=256)
-        for light in built.lights
-    )
+    return gi.shadow_maps(built.scene, built.lights, size=256)
 
 
 def _maps(name: str) -> list[Any]:
@@ -125,6 +122,27 @@ def _sampled_lights() -> tuple[Picture, ...]:
     return _light(np.repeat(math.pi * ao[..., None], 3, axis=-1), light)
 
 
+def _shadow_maps() -> tuple[Picture, ...]:
+    built, _, gbuffer = _scene("hall")
+    maps = gi.shadow_maps(built.scene, built.lights)
+    return _light(*(gi.shade(gbuffer, built.lights, shadow_maps=each) for each in (None, maps)))
+
+
+def _blended_layers() -> tuple[Picture, ...]:
+    built, camera, _ = _scene("cornell_box")
+    scene, box = built.scene, np.ptp(built.scene.bounds, axis=0)
+    # Triangles of the blocks: away from all walls.
+    corners = scene.positions[scene.triangles] + scene.origin - scene.bounds[0]
+    inside = ((corners[..., [0, 2]] > 0.02 * box[[0, 2]]) & (corners[..., [0, 2]] < 0.98 * box[[0, 2]])).all(
+        axis=(1, 2)
+    )
+    inside &= corners[..., 1].max(axis=1) < 0.95 * box[1]
+    ids, glass = scene.material_ids.copy(), gi.Material(albedo=(0.4, 0.6, 0.8), alpha=0.5, blends=True)
+    ids[inside] = len(scene.materials)
+    faded = replace(scene, material_ids=ids, materials=(*scene.materials, glass))
+    return tuple(gi.render(each, camera, built.lights).image for each in (scene, faded))
+
+
 def _radiosity() -> tuple[Picture, ...]:
     built, _, gbuffer = _scene("cornell_box")
     maps, scene = _maps("cornell_box"), built.scene
@@ -169,6 +187,8 @@ PICTURES: dict[str, Callable[[], tuple[Picture, ...]]] = {
     "upsample": _upsample,
     "shade": _shade,
     "sampled_lights": _sampled_lights,
+    "shadow_maps": _shadow_maps,
+    "blended_layers": _blended_layers,
     "radiosity": _radiosity,
     "reflections": _reflections,
     "tonemap": _tonemap,

@@ -9,6 +9,8 @@ from .inputs import Call
 
 ORDER = (
     "drawing",
+    "shadow_maps",
+    "blended_layers",
     "bilateral",
     "upsample",
     "ao",

@@ -10,7 +10,6 @@ from ssgi_cl.device.gbuffer import on_device
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import gbuffer as drawn
 from ssgi_cl.rasterize import rsm as drawn_map
-from ssgi_cl.techniques.direct.light_maps import LightMaps
 
 from .inputs import Array, Call, Inputs
 
@@ -27,19 +26,10 @@ def drawing(given: Inputs, runtime: Runtime) -> Iterator[Array]:
         yield np.asarray(drawn_map(given.scene, own.light, size=side, runtime=runtime).flux)
 
 
-def light_maps(given: Inputs, runtime: Runtime) -> Iterator[Array]:
-    """Yield positions, areas and flux of a map that is drawn where it is used."""
-    maps = LightMaps(runtime, given.maps[0].cameras[0].width, flux=True)
-    with runtime.frame():
-        _, found = maps.draw(given.scene, given.lights[:1])
-    for plane in (found.position, found.area, found.flux) if found else ():
-        yield plane.download()
-
-
 def view_normals(given: Inputs, runtime: Runtime) -> Iterator[Array]:
     """Yield normals, given ones and those from depth alone."""
     for gbuffer in (given.gbuffer, given.single):
         yield on_device(gbuffer, runtime).normal.download()
 
 
-CALLS: Mapping[str, Call] = {"drawing": drawing, "light maps": light_maps, "view normals": view_normals}
+CALLS: Mapping[str, Call] = {"drawing": drawing, "view normals": view_normals}

@@ -27,6 +27,7 @@ ORDER = (
     "rsm_published",
     "ssdo",
     "rasterize",
+    "shadow_maps",
     "skips",
     "vpl_splat",
     "vpl_lobes",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core import checks
 from ssgi_cl.core.camera import Camera, look_at_matrix, perspective_matrix
 from ssgi_cl.core.gbuffer import ReflectiveShadowMap
-from ssgi_cl.core.lights import DirectionalLight, PointLight, SpotLight
+from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight, light_tuple
 from ssgi_cl.core.scene import Scene, box_corners
 from ssgi_cl.device.arrays import Plane
 from ssgi_cl.device.gbuffer import VIEW_ROTATION, DeviceGBuffer
@@ -206,6 +207,32 @@ def rsm(
         flux=power,
         specular_flux=lobes[0] if lobes else None,
         gloss=lobes[1] if lobes else None,
+    )
+
+
+def shadow_maps(
+    scene: Scene, lights: Sequence[Light], *, size: int = 1024, runtime: Runtime | None = None
+) -> tuple[ReflectiveShadowMap | None, ...]:
+    """Draw the shadow maps of lights, as `shade`, `ssdo` and `reflections` take them.
+
+    Williams 1978, "Casting Curved Shadows on Curved Surfaces". Departs: each is a reflective
+    shadow map, see `rasterize.rsm`, so that indirect light can be made of it too.
+
+    Args:
+        scene: what casts shadows.
+        lights: any number of lights.
+        size: rows and columns of each face in texels, 1 to 8192.
+        runtime: the device; by default the fastest found.
+
+    Returns:
+        For each light its map; None for environments, which have none.
+
+    Raises:
+        TypeError, ValueError: an argument of the wrong type or out of range.
+    """
+    return tuple(
+        None if isinstance(light, Environment) else rsm(scene, light, size=size, runtime=runtime)
+        for light in light_tuple(lights)
     )
 
 

@@ -226,3 +226,22 @@ def test_other_outputs_and_later_frames_are_those_without_layers(runtime: Runtim
     shown = renderer(scene, camera, lights, outputs=outputs, multi_bounce=True)
     np.testing.assert_array_equal(shown.indirect, again.indirect)
     np.testing.assert_array_equal(shown.radiance, again.radiance)
+
+
+def test_layers_are_drawn_nearest_first_and_hidden_by_what_is_solid(runtime: Runtime) -> None:
+    camera = ahead()
+    near, far, hidden = (0.0, 1.0, 0.5, SMOKE), (0.2, 0.0, 0.9, GLASS), (0.0, -2.0, 0.3, GLASS)
+    scene = squares((0.2, -1.0, 1.0, WALL), hidden, far, near)
+    layers = gi.blended_layers(scene, camera, runtime=runtime)
+    assert len(layers) == 2
+    first, second = covers(camera, near), covers(camera, far)
+    np.testing.assert_array_equal(layers[0].opacity > 0.0, first | second)
+    np.testing.assert_array_equal(layers[0].opacity[first], 0.25)
+    np.testing.assert_allclose(
+        layers[0].transmitted[second & ~first], np.tile((0.9, 0.5, 0.2), ((second & ~first).sum(), 1))
+    )
+    np.testing.assert_array_equal(np.isfinite(np.asarray(layers[1].gbuffer.depth)), first & second)
+    np.testing.assert_allclose(np.asarray(layers[1].gbuffer.depth)[first & second], 6.0, rtol=1e-5)
+    assert gi.blended_layers(squares((0.0, 0.0, 1.0, WALL)), camera, runtime=runtime) == ()
+    with pytest.raises(TypeError, match="scene is int: expected a Scene"):
+        gi.blended_layers(3, camera, runtime=runtime)

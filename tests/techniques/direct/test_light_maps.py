@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import ssgi_cl as gi
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.runtime import Runtime
@@ -173,3 +174,14 @@ def test_faces_that_reflect_are_told_in_every_kernel_variant(variant_runtime: Ru
     flux = rsm.flux.download().reshape(3, 6, -1)
     np.testing.assert_array_equal(rsm.lit(), flux.any(axis=(0, 2)))
     assert not rsm.lit().all()
+
+
+def test_every_light_but_an_environment_has_a_map(runtime: Runtime, scene: Scene) -> None:
+    maps = gi.shadow_maps(scene, LIGHTS, size=16, runtime=runtime)
+    assert [None if each is None else each.light for each in maps] == [SPOT, None, LAMP, SUN]
+    for light, own in zip(LIGHTS, maps, strict=True):
+        if own is not None:
+            alone = gi.rasterize.rsm(scene, light, size=16, runtime=runtime)
+            np.testing.assert_array_equal(own.depth, alone.depth)
+    with pytest.raises(ValueError, match=r"size is 0: expected an integer >= 1 and <= 8192"):
+        gi.shadow_maps(scene, LIGHTS, size=0, runtime=runtime)

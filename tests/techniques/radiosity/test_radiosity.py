@@ -23,7 +23,7 @@ from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.rasterize.scenes import make_scene
 from ssgi_cl.reference.radiosity.radiosity import form_factors, radiosity_reference
 from ssgi_cl.techniques.multires.multires_splat import MultiresSplat, MultiresSplatParams
-from ssgi_cl.techniques.radiosity.radiosity import Radiosity, RadiosityParams
+from ssgi_cl.techniques.radiosity.radiosity import Radiosity, RadiosityParams, radiosity
 from ssgi_cl.techniques.radiosity.sky_directions import sky_directions
 from ssgi_cl.techniques.radiosity.start_triangles import SPREAD, StartTriangles
 from ssgi_cl.techniques.radiosity.surfels import TriangleShares, scene_surfels
@@ -476,3 +476,18 @@ def test_starts_do_not_depend_on_the_order_of_triangles(runtime: Runtime) -> Non
     assert (found[0] < 0).any()
     assert (found[0] > 0).any()
     assert (found[0] == 0).any()
+
+
+def test_the_function_returns_what_surfels_send(runtime: Runtime) -> None:
+    scene, params = box(0.5, 1.0), {"surfels": 64, "vpls": 16, "directions": 16, "grid": 32}
+    found = radiosity(scene, [], runtime=runtime, **params)
+    expected = solved(runtime, scene, **params).vpls
+    assert expected is not None
+    np.testing.assert_array_equal(found.flux, expected.flux)
+    assert len(found.parts) == PARTS * len(found)
+    dark = radiosity(scene, [], runtime=runtime, **params, emission=False, bounces=1)
+    assert 0.0 < dark.flux.sum() < found.flux.sum()
+    with pytest.raises(TypeError, match="scene is NoneType: expected a Scene"):
+        radiosity(None, [], runtime=runtime)
+    with pytest.raises(ValueError, match="surfels is 4: expected an integer >= 16 and <= 16384"):
+        radiosity(scene, [], runtime=runtime, surfels=4)

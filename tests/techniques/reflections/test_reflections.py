@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +22,8 @@ from ssgi_cl.reference.phong import Lobes
 from ssgi_cl.reference.reflections.reflections import Screen, added_reference, arriving_reference
 from ssgi_cl.techniques.occupancy.occupancy_grid import OccupancyGrid
 from ssgi_cl.techniques.radiosity.light_volume import CELLS, FACES, LightVolume
-from ssgi_cl.techniques.reflections.reflections import Reflections, ReflectionsParams
+from ssgi_cl.techniques.radiosity.radiosity import RadiosityParams
+from ssgi_cl.techniques.reflections.reflections import Reflections, ReflectionsParams, reflections
 
 from ..analytic import Ball, Plane, camera, trace
 
@@ -287,3 +289,21 @@ def test_an_empty_image_gets_nothing(runtime: Runtime) -> None:
     empty = glossy(GBuffer(camera=made, depth=np.full((8, 16), np.inf, np.float32)), 50.0)
     zero = np.zeros((8, 16, 3))
     assert (added(runtime, empty, zero, zero, Environment(2.0)) == 0.0).all()
+
+
+def test_the_function_adds_the_sky_that_a_floor_mirrors(runtime: Runtime) -> None:
+    """A floor alone: its lobes see nothing but an even sky, above it."""
+    made = camera("perspective", (24, 32), eye=(0.0, 3.0, 1.5), target=(0.0, 0.0, 0.0))
+    matt = trace(made, [Plane((0, -0.3, 0), (0, 1, 0))])
+    floor = quads(((-8, -0.3, -8), (0, 0, 16), (16, 0, 0)))
+    few = RadiosityParams(surfels=16, vpls=16, directions=16, grid=64)
+    dark = np.zeros((24, 32, 3), np.float32)
+    given: dict[str, Any] = {"scene": floor, "radiosity": few, "runtime": runtime}
+    found = reflections(glossy(matt, 300.0), dark, [Environment((2.0, 1.0, 0.5))], **given)
+    expected = np.array((0.5, 0.4, 0.3)) * (2.0, 1.0, 0.5)
+    np.testing.assert_allclose(found[4:-4, 4:-4], np.broadcast_to(expected, (16, 24, 3)), rtol=0.02)
+    np.testing.assert_array_equal(reflections(matt, dark + 3.0, [], **given), 3.0)
+    with pytest.raises(ValueError, match=r"radiance has shape \(2, 2\): expected \(24, 32\) as the G-buffer"):
+        reflections(matt, dark[:2, :2], [], **given)
+    with pytest.raises(ValueError, match="rays is 0: expected an integer >= 1 and <= 64"):
+        reflections(matt, dark, [], **given, rays=0)

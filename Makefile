@@ -16,7 +16,7 @@ FIGURES ?=
 .PHONY: help setup system demo test test-all mutate torture lint format figures figures-render figures-agreement clean
 
 help:
-	@echo "make demo [SCENE=path.glb]  render two built-in scenes, and your own, to out/; two beside a path tracer"
+	@echo "make demo [SCENE=path.glb]  render two built-in scenes, and your own, to out/; one beside a path tracer"
 	@echo "make test                   run the tests"
 	@echo "make test-all               run the slow ones too, on every OpenCL driver found"
 	@echo "make mutate                 mutate the code at random and see which changes tests notice"
@@ -47,11 +47,11 @@ $(STAMP): pyproject.toml Makefile tools/system-packages.sh
 
 demo: setup
 	@mkdir -p out
-	$(BIN)/ssgi devices
-	$(BIN)/ssgi render cornell_box --views --output out/cornell_box.png
+	$(BIN)/ssgi render cornell_box --output out/cornell_box.png
 	$(BIN)/ssgi render hall --views --output out/hall.png
-	$(BIN)/ssgi bench frame.default --scene cornell_box --scene hall --size 320x240 --seconds 0.1 \
+	$(BIN)/ssgi bench frame.default --scene cornell_box --size 160x120 --seconds 0.1 \
 		--truth-paths 32 --markdown out/frames.md
+	$(BIN)/ssgi devices
 	@if [ -n "$(SCENE)" ]; then \
 		set -x; $(BIN)/ssgi render "$(SCENE)" --views \
 			--output "out/$$(basename "$(SCENE)" | sed 's/\.[^.]*$$//').png"; \

@@ -31,7 +31,7 @@
 #define POINTS_SURE 1
 #include "ssdo/search.clh"
 
-// The struct PointViewsParams is generated from ssgi_cl.techniques.ssdo.ssdo_point_views.
+// The struct OtherViewParams is generated from ssgi_cl.techniques.ssdo.ssdo_views.
 
 #define POINT_VIEWS_FIELDS (POINT_VIEWS_SKY ? 11 : 5)
 #define POINT_VIEWS_WORDS ((POINT_VIEWS_COUNT + 31) / 32)
@@ -52,7 +52,7 @@ static inline vfloat point_views_own(ssgi_plane plane, const int2 whole, const i
 }
 
 // A vector in the other camera's view space; z points to the viewer in both.
-static inline void point_views_turned(const PointViewsParams view, const vfloat x, const vfloat y,
+static inline void point_views_turned(const OtherViewParams view, const vfloat x, const vfloat y,
                                       const vfloat z, vfloat *to_x, vfloat *to_y, vfloat *to_z)
 {
     *to_x = v_fma(x, v_splat(view.xx), v_fma(y, v_splat(view.xy), z * view.xz));
@@ -70,7 +70,7 @@ __kernel void ssdo_point_views(ssgi_plane depth, ssgi_plane normal,
                                __global float *restrict gathered, __global int *restrict kept,
                                const int2 size, // of the result
                                const SsgiCamera camera, const SsgiCamera other,
-                               const PointsParams params, const PointViewsParams view)
+                               const PointsParams params, const OtherViewParams view)
 {
     const int x = ssgi_first_column();
     const int y = (int)get_global_id(1);

@@ -32,7 +32,7 @@
 #error "UNSEEN_LAYERS, UNSEEN_NORMALS, SEEN_LAYERS and SEEN_NORMALS must be defined by the host"
 #endif
 
-// The struct UnseenParams is generated from ssgi_cl.techniques.ssdo.ssdo_views_unseen.
+// The struct OtherViewParams is generated from ssgi_cl.techniques.ssdo.ssdo_views.
 
 // A point of the earlier camera's view space, its normal, and how far from its plane others may
 // lie.
@@ -74,7 +74,7 @@ static inline vmask unseen_shows(ssgi_plane earlier, ssgi_plane facing, const in
 __kernel void ssdo_views_unseen(ssgi_plane normal, ssgi_plane earlier, ssgi_plane facing,
                                 __global float *restrict depth, const int2 size,
                                 const SsgiCamera camera, const SsgiCamera before,
-                                const UnseenParams view)
+                                const OtherViewParams view)
 {
     const int x = ssgi_first_column();
     const int y = (int)get_global_id(1);

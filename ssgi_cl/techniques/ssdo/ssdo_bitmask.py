@@ -1,4 +1,4 @@
-"""Directional occlusion and one bounce from a visibility bitmask: a back end of SSDO."""
+"""Visibility bitmask of SSDO: directional occlusion and one-bounce light from slices, and closed surfaces."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ssgi_cl.core.params import Prepared, param
-from ssgi_cl.device.arrays import DeviceArray, Plane, Size
-from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.arrays import DeviceArray, Plane, Size, plane_shape
+from ssgi_cl.device.gbuffer import VIEW_ROTATION, DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, floats, rotation_values
 from ssgi_cl.device.transient import ImageParts, Target
@@ -16,9 +16,11 @@ from ssgi_cl.techniques.ao.bitmask_ao import ENDS
 from ssgi_cl.techniques.ao.slices import SLICES, SliceParams, SliceScan, check_shape
 from ssgi_cl.techniques.direct.sky import SKY_SIZE, Sky
 from ssgi_cl.techniques.source import Source
-from ssgi_cl.techniques.ssdo.ssdo_sides import Sides
 
 OWN = Struct("SsdoBitmaskParams", floats("back", *ROTATION))
+
+MOST_LAYERS = 31
+"""Limit of the layers in which `closed_sides` finds pairs: one bit of an int for each."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,12 +92,10 @@ class SsdoBitmask(Prepared[SsdoBitmaskParams]):
         self._shape = (size, margin, layers)
         self._scan = SliceScan(runtime, size, self.params, margin, layers)
         self.size = self._scan.size
-        self._sides = Sides(runtime)
         self.masks: DeviceArray | None = None
         if masks:
-            like = runtime.plane(1, self.size)
-            pitch, rows = like.pitch, 2 * self.params.slices * self.size[0] + 2
-            self.masks = runtime.array(np.zeros(pitch * rows, np.int32))
+            rows, pitch = plane_shape(2 * self.params.slices, self.size)
+            self.masks = runtime.array(np.zeros(rows * pitch, np.int32))
 
     def _set(self, params: SsdoBitmaskParams) -> None:
         self._scan.params = params
@@ -137,7 +137,7 @@ class SsdoBitmask(Prepared[SsdoBitmaskParams]):
                 f"{counts[1]} of {gbuffer.whole}"
             )
         lookup = None if sky is None else sky.map
-        facing = self._sides.run(gbuffer)
+        facing = closed_sides(gbuffer)
         sides = None if facing is None else scan.sorted(facing, gbuffer.region)
         inv_depth, slopes = scan.inv_depth(gbuffer, gbuffer.thickness), scan.slopes(gbuffer)
         sent = None if radiance is None else scan.sorted(radiance, gbuffer.region)
@@ -186,3 +186,37 @@ class SsdoBitmask(Prepared[SsdoBitmaskParams]):
                     own=packed_own,
                 )
         return light
+
+
+def closed_sides(gbuffer: DeviceGBuffer) -> Plane | None:
+    """Queue the pass that pairs the layers of closed surfaces by the direction of their normals.
+
+    The result is kept with the contents of the G-buffer, whose world-space normals are not needed
+    afterwards. Normals that were turned to the camera before they were given make no pairs.
+
+    Args:
+        gbuffer: with the contents drawn or uploaded.
+
+    Returns:
+        An image for each layer, as kernels/ssdo/ssdo_sides.cl defines it; None unless there are
+        several layers, all with normals.
+    """
+    layers, runtime = gbuffer.layers, gbuffer.runtime
+    if not 1 < layers == gbuffer.attributes <= MOST_LAYERS:
+        return None
+    camera = gbuffer.camera
+    assert camera is not None  # noqa: S101  a filled G-buffer has one
+    kernel = runtime.kernel("ssdo/ssdo_sides.cl", {"SIDES_LAYERS": layers}, (VIEW_ROTATION,))
+    if gbuffer.sides is None:
+        with Target(runtime, layers, gbuffer.whole, kept=False).over(gbuffer.region) as (sides, over):
+            kernel.run(
+                gbuffer.whole,
+                region=over,
+                depth=gbuffer.depth,
+                normal=gbuffer.normal,
+                given=gbuffer.normal_world,
+                sides=sides,
+                rotation=VIEW_ROTATION.pack(rotation_values(camera.view[:3, :3])),
+            )
+        gbuffer.sides = sides
+    return gbuffer.sides

@@ -14,7 +14,7 @@ from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.device.gbuffer import on_device
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
-from ssgi_cl.techniques.ssdo.auxiliary_cameras import auxiliary_cameras
+from ssgi_cl.techniques.ssdo.ssdo_views import auxiliary_cameras
 
 
 @pytest.fixture(scope="module", params=["cornell_box", "hall"])

@@ -18,9 +18,8 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, BuiltinScene
 from ssgi_cl.techniques.direct.shade import shade
 from ssgi_cl.techniques.ssdo.ssdo import Ssdo, ssdo
-from ssgi_cl.techniques.ssdo.ssdo_back import SenderVisibility
 from ssgi_cl.techniques.ssdo.ssdo_params import METHODS, SsdoParams
-from ssgi_cl.techniques.ssdo.ssdo_view_senders import ViewSenders
+from ssgi_cl.techniques.ssdo.ssdo_stages import Senders, shape_of
 from ssgi_cl.techniques.ssdo.ssdo_views import ViewsParams
 
 from ..analytic import camera, scene, tilted, trace
@@ -174,8 +173,7 @@ def test_senders_are_as_open_to_the_sky_as_the_back_end_finds(runtime: Runtime, 
     device = on_device(single, runtime)
     params = SsdoParams(method="points")
     with runtime.frame():
-        visibility = SenderVisibility(runtime, device.size, params, device.margin, 1).run(device)
-        coarse = visibility.download()[0]
+        coarse = Senders(runtime, params, shape_of(device)).visibility(device).download()[0]
     # Each pixel takes the nearest that was looked at; the margin has the border's.
     index = [
         np.clip((np.arange(-edge, size + edge).clip(0) + 2) // 4, 0, len_ - 1)
@@ -217,8 +215,8 @@ def test_further_cameras_hide_and_send_more(runtime: Runtime, method: str) -> No
         np.testing.assert_array_equal(with_it, without)
 
 
-def test_view_taps_are_how_many_depths_are_read_in_how_many_directions(runtime: Runtime) -> None:
-    published, finer = (ViewSenders(runtime, SsdoParams(view_taps=taps)).views for taps in (4, 16))
+def test_view_taps_are_how_many_depths_are_read_in_how_many_directions() -> None:
+    published, finer = (SsdoParams(view_taps=taps).views() for taps in (4, 16))
     assert published == ViewsParams()
     assert finer == replace(published, taps=16, strata=4)
     with pytest.raises(ValueError, match="view_taps is 65: expected an integer >= 1 and <= 64"):

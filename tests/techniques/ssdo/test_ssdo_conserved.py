@@ -14,8 +14,8 @@ from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.lights import Environment
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.techniques.ssdo.auxiliary_cameras import auxiliary_cameras
 from ssgi_cl.techniques.ssdo.ssdo import ssdo
+from ssgi_cl.techniques.ssdo.ssdo_views import auxiliary_cameras
 
 from ...closed_forms import lit_by_wall
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ssgi_cl.reference.ssdo.ssdo_directions import directions
-from ssgi_cl.techniques.ssdo.ssdo_directions import cell_flux, direction_sets
+from ssgi_cl.techniques.ssdo.ssdo_points import cell_flux, direction_sets
 
 
 @pytest.mark.parametrize("count", [1, 5])

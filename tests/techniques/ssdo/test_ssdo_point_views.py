@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.reference.ssdo.ssdo_point_views import ssdo_point_views_reference
-from ssgi_cl.reference.ssdo.ssdo_points import Gathered, ssdo_points_reference
+from ssgi_cl.reference.ssdo.ssdo_points import Gathered, ssdo_point_views_reference, ssdo_points_reference
 from ssgi_cl.techniques.direct.layer_shading import SenderRecords
-from ssgi_cl.techniques.ssdo.ssdo_point_views import SsdoPointViews
 from ssgi_cl.techniques.ssdo.ssdo_points import POINT_METHODS, PointsParams, SsdoPoints
+from ssgi_cl.techniques.ssdo.ssdo_views import add_point_view
 
 from ..analytic import camera, scene
 from .test_ssdo_points import FLIPS, ROUNDING
@@ -59,13 +58,12 @@ class Case:
         sent = None if own is None else planar(runtime, own)
         self.has_sky = sky is not None
         self.plane = self.points.run(self.device, radiance=sent, sky=SimpleNamespace(image=sky))
-        self.views = SsdoPointViews(runtime)
 
     def add(self, other: GBuffer, sent: Doubles | None) -> None:
         """Add a camera."""
         device = uploaded(self.runtime, other)
         records = None if sent is None else records_of(self.runtime, device, sent)
-        self.views.add(self.plane, self.points, self.device, device, records)
+        add_point_view(self.points, self.plane, self.device, device, records)
 
     def found(self) -> Gathered:
         """Return the results in the reference's form."""
@@ -206,7 +204,7 @@ def test_nothing_is_made_the_second_time(runtime: Runtime) -> None:
     records = records_of(runtime, other, np.ones((1, 31, 41, 3)))
     counts = []
     for _ in range(2):
-        case.views.add(case.plane, case.points, case.device, other, records)
+        add_point_view(case.points, case.plane, case.device, other, records)
         counts.append((runtime.allocated_bytes, runtime.builds))
     assert counts[0] == counts[1]
 
@@ -218,7 +216,7 @@ def test_empty_gbuffer_and_points_that_keep_nothing_are_refused(runtime: Runtime
     gbuffer = scene("corner", camera(size=SIZE), np.random.default_rng(1))
     case = Case(runtime, gbuffer, own=np.ones((1, *SIZE, 3)), sky=EVEN)
     with pytest.raises(ValueError, match="a device G-buffer is empty: draw or upload something"):
-        case.views.add(case.plane, case.points, case.device, DeviceGBuffer(runtime, SIZE), None)
+        add_point_view(case.points, case.plane, case.device, DeviceGBuffer(runtime, SIZE), None)
     points = SsdoPoints(runtime, SIZE, 1, PARAMS)
     with pytest.raises(ValueError, match="points keeps no directions: expected one that"):
-        case.views.add(case.plane, points, case.device, case.device, None)
+        add_point_view(points, case.plane, case.device, case.device, None)

@@ -16,8 +16,7 @@ from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.ssdo.ssdo_points import Gathered, ssdo_points_reference
-from ssgi_cl.techniques.ssdo.ssdo_directions import cell_centres, cell_flux
-from ssgi_cl.techniques.ssdo.ssdo_points import PointsParams, SsdoPoints
+from ssgi_cl.techniques.ssdo.ssdo_points import PointsParams, SsdoPoints, cell_centres, cell_flux
 
 from ..analytic import CAMERAS, camera, scene, tilted, trace
 

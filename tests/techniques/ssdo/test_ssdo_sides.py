@@ -9,8 +9,8 @@ from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.gbuffer import SurfaceView
-from ssgi_cl.reference.ssdo.ssdo_sides import sides_of
-from ssgi_cl.techniques.ssdo.ssdo_sides import Sides
+from ssgi_cl.reference.ssdo.ssdo_bitmask import sides_of
+from ssgi_cl.techniques.ssdo.ssdo_bitmask import closed_sides
 
 from ..analytic import camera
 
@@ -39,7 +39,7 @@ def test_layers_that_bound_something_closed_are_paired(variant_runtime: Runtime,
     )
     device = DeviceGBuffer(variant_runtime, made.size, layers=4, attributes=4)
     device.upload(gbuffer)
-    plane = Sides(variant_runtime).run(device)
+    plane = closed_sides(device)
     assert plane is not None
     wanted = np.array(list(STACKS.values())).T[:, None]
     np.testing.assert_array_equal(plane.download(), wanted)
@@ -48,4 +48,4 @@ def test_layers_that_bound_something_closed_are_paired(variant_runtime: Runtime,
 
 def test_one_layer_with_normals_says_nothing(runtime: Runtime) -> None:
     for layers in (1, 2):
-        assert Sides(runtime).run(DeviceGBuffer(runtime, (1, 4), layers=layers)) is None
+        assert closed_sides(DeviceGBuffer(runtime, (1, 4), layers=layers)) is None

@@ -14,8 +14,7 @@ from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.device.arrays import DeviceArray, Plane
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.reference.ssdo.ssdo_views import ssdo_views_reference
-from ssgi_cl.reference.ssdo.ssdo_views_unseen import unseen_reference
+from ssgi_cl.reference.ssdo.ssdo_views import ssdo_views_reference, unseen_reference
 from ssgi_cl.techniques.filters.upsample import ReducedGBuffer
 from ssgi_cl.techniques.ssdo.ssdo_bitmask import SsdoBitmask, SsdoBitmaskParams
 from ssgi_cl.techniques.ssdo.ssdo_views import SsdoViews, ViewsParams
@@ -106,7 +105,7 @@ def _assert_agrees(runtime: Runtime, kind: str, resolution: str, normals: int = 
     further, radiance = uploaded(runtime, other), planar(runtime, sent)
     views = SsdoViews(runtime, slices, params)
     if normals == 2:
-        views.begin(device)
+        views.unseen.begin(device)
     views.add(light, back.masks, device, source, further, radiance)
     after, now = light.download(), inner(runtime, back.masks, 4, light.size)
     expected = ssdo_views_reference(
@@ -133,7 +132,7 @@ def _assert_agrees(runtime: Runtime, kind: str, resolution: str, normals: int = 
     # Nothing is compiled or allocated the second time.
     if normals == 2:
         counts = runtime.allocated_bytes, runtime.builds
-        views.begin(device)
+        views.unseen.begin(device)
         views.add(light, back.masks, device, source, further, radiance)
         assert (runtime.allocated_bytes, runtime.builds) == counts
 

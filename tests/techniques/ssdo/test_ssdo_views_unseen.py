@@ -9,8 +9,8 @@ import pytest
 
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.reference.ssdo.ssdo_views_unseen import unseen_reference
-from ssgi_cl.techniques.ssdo.ssdo_views_unseen import UnseenDepth
+from ssgi_cl.reference.ssdo.ssdo_views import unseen_reference
+from ssgi_cl.techniques.ssdo.ssdo_views import UnseenDepth
 
 from ..analytic import CAMERAS, camera, scene
 from .test_ssdo_views import aside, layered, uploaded

@@ -1,4 +1,4 @@
-"""Where extra cameras stand, and what they look at."""
+"""Placement of auxiliary cameras."""
 
 from __future__ import annotations
 
@@ -71,13 +71,7 @@ def test_the_unit_of_length_does_not_matter(seen: GBuffer, scale: float) -> None
     camera, depth = seen.camera, depth_of(seen)
     view = camera.view.copy()
     view[:3, 3] *= scale
-    scaled = Camera(
-        view=view,
-        projection=camera.projection,
-        width=camera.width,
-        height=camera.height,
-        depth_range=camera.depth_range,
-    )
+    scaled = replace(camera, view=view)
     for one, other in zip(
         auxiliary_cameras(camera, depth), auxiliary_cameras(scaled, depth * np.float32(scale)), strict=True
     ):

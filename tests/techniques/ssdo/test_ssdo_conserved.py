@@ -1,4 +1,4 @@
-"""Light of directional occlusion against closed forms: nothing is lost, nothing counts twice."""
+"""Conservation of light in directional occlusion, against closed forms."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from ssgi_cl.techniques.ssdo.ssdo import ssdo
 from ssgi_cl.techniques.ssdo.ssdo_views import auxiliary_cameras
 
 from ...closed_forms import lit_by_wall
+from ..analytic import slow_but
 
 Doubles = NDArray[np.float64]
 Pair = tuple[Doubles, Doubles]
@@ -156,7 +157,7 @@ def test_wall_beside_a_floor_lights_and_hides_as_its_form_factor_says(runtime: R
     assert hidden == pytest.approx(expected, rel=0.05)
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n == "perspective")) for n in BESIDE])
+@pytest.mark.parametrize("name", slow_but(BESIDE, "low, odd size", "orthographic"))
 @pytest.mark.parametrize("count", [4, *(pytest.param(count, marks=pytest.mark.slow) for count in (1, 2))])
 def test_auxiliary_views_make_no_light(runtime: Runtime, name: str, count: int) -> None:
     case = wall_beside_floor(BESIDE[name])
@@ -190,9 +191,7 @@ def test_knobs_of_the_published_bounce(runtime: Runtime) -> None:
     case = wall_beside_floor(BESIDE["perspective"])
 
     def bounce(**options: float) -> NDArray[np.float32]:
-        found: NDArray[np.float32] = ssdo(case.gbuffer, [SKY], RADIUS, method="published", runtime=runtime, **options)[
-            1
-        ]
+        _, found = ssdo(case.gbuffer, [SKY], RADIUS, method="published", runtime=runtime, **options)
         return found
 
     plain, strong = bounce(), bounce(strength=2.5)

@@ -1,4 +1,4 @@
-"""Auxiliary cameras of SSDO create no light: a wall's light on a floor, in closed form."""
+"""Light of auxiliary cameras of SSDO: a wall's light on a floor, in closed form."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.runtime import Runtime
 
-from ...closed_forms import Quad, lit_by_wall, made
+from ...closed_forms import Quad, lit_by_wall, quads
 from ..analytic import camera as camera_of
 from ..analytic import scene as scene_of
+from ..analytic import slow_but
 
 Doubles = NDArray[np.float64]
 
@@ -36,14 +37,8 @@ NEAREST = 0.02
 
 def quads_of(*parts: Quad) -> Scene:
     """Return parallelograms with the normals that the order of their edges gives."""
-    corners, normals = [], []
-    for part in parts:
-        corner, first, second = (np.asarray(p, np.float64) for p in part)
-        corners += [corner, corner + first, corner + first + second, corner + second]
-        normal = np.cross(first, second)
-        normals += [normal / np.linalg.norm(normal)] * 4
-    faces = [[4 * i + k for k in t] for i in range(len(parts)) for t in ((0, 1, 2), (0, 2, 3))]
-    return made(np.array(corners), faces, np.array(normals))
+    normals = [np.cross(first, second) / np.linalg.norm(np.cross(first, second)) for _, first, second in parts]
+    return replace(quads(*parts), normals=np.repeat(normals, 4, axis=0).astype(np.float32))
 
 
 def box() -> list[Quad]:
@@ -77,12 +72,15 @@ def positions(gbuffer: GBuffer) -> Doubles:
     return np.where(np.isfinite(depth)[..., None], found, np.nan)
 
 
-def irradiance(position: Doubles, boxed: bool) -> Doubles:
-    """Return the irradiance of floor points [n, 3] by the wall, W/m^2."""
+def floor_of(gbuffer: GBuffer, boxed: bool) -> tuple[NDArray[np.bool_], Doubles]:
+    """Return the pixels of the floor [rows, columns], and their irradiance by the wall [n], W/m^2."""
+    position = positions(gbuffer)
+    on_floor = (np.abs(position[..., 1]) < 1e-3) & (position[..., 0] > NEAREST)
+    position = position[on_floor]
     x, z = position[:, 0], position[:, 2]
     if not boxed:
-        return lit_by_wall(x, 0.5 + z, 0.5 - z, 1.0)
-    # The box takes away what the rays to 64 x 64 parts of the wall say.
+        return on_floor, lit_by_wall(x, 0.5 + z, 0.5 - z, 1.0)
+    # The box occludes some of the rays to 64 x 64 parts of the wall.
     part = (np.arange(64) + 0.5) / 64
     y, along = (each.ravel() for each in np.meshgrid(part, part - 0.5))
     total = np.zeros(len(position))
@@ -94,7 +92,7 @@ def irradiance(position: Doubles, boxed: bool) -> Doubles:
         free = (enters >= leaves) | (leaves <= 0.0) | (enters >= 1.0)
         square = np.sum(way**2, axis=-1)
         total += np.where(free, height * x / (math.pi * square**2), 0.0) / 64**2
-    return total
+    return on_floor, total
 
 
 def bounce(gbuffer: GBuffer, views: list[GBuffer], runtime: Runtime, **params: Any) -> Doubles:
@@ -111,17 +109,14 @@ CASES = {
     "box": (Camera.look_at(EYE, TARGET, yfov=0.9, width=120, height=90), True),
     "box, odd": (Camera.look_at((2.0, 2.0, -0.5), TARGET, yfov=0.9, width=93, height=71), True),
 }
-FAST = ("odd size",)
 
 
-@pytest.mark.parametrize("case", [pytest.param(case, marks=[pytest.mark.slow] * (case not in FAST)) for case in CASES])
+@pytest.mark.parametrize("case", slow_but(CASES, "odd size"))
 def test_auxiliary_cameras_create_no_light(runtime: Runtime, case: str) -> None:
     camera, boxed = CASES[case]
     scene = quads_of(WALL, FLOOR, *(box() if boxed else []))
     gbuffer = seen(scene, camera, runtime)
-    position = positions(gbuffer)
-    on_floor = (np.abs(position[..., 1]) < 1e-3) & (position[..., 0] > NEAREST)
-    truth = irradiance(position[on_floor], boxed)
+    on_floor, truth = floor_of(gbuffer, boxed)
     cameras = gi.auxiliary_cameras(camera, gbuffer, 4, size=1.0)
     views = [seen(scene, each, runtime) for each in cameras]
     assert len(views) == 4
@@ -196,9 +191,8 @@ def test_second_auxiliary_camera_leaves_what_the_first_shows(runtime: Runtime) -
     scene = quads_of(WALL, FLOOR)
     gbuffer = seen(scene, above, runtime)
     assert not np.asarray(gbuffer.emission).any()
-    position = positions(gbuffer)
-    on_floor = (np.abs(position[..., 1]) < 1e-3) & (position[..., 0] > NEAREST)
-    truth = irradiance(position[on_floor], boxed=False).mean()
+    on_floor, values = floor_of(gbuffer, boxed=False)
+    truth = values.mean()
     # With many taps, as few leave out what lies between them.
     many = {"taps": 32, "view_taps": 64, "slices": 4}
     views = [

@@ -119,7 +119,7 @@ def ssdo_points_reference(
         sky: [rows, columns, 3], a latitude-longitude image, or None.
     """
     camera = _camera(gbuffer, radiance)
-    at = receivers(camera.layers[0], params, step)
+    at = receivers(camera.layers[0], params.radius, params.max_radius_px, step, params.bias)
     shape = at.there.shape
     light = np.zeros((*shape, 3))
     for ray in _rays(gbuffer, at, params, sky):
@@ -150,7 +150,7 @@ def ssdo_point_views_reference(
         step: 1, 2 or 4.
         sky: [rows, columns, 3], the image that `before` was made with, or None.
     """
-    own = receivers(layers_of(gbuffer)[0], params, step)
+    own = receivers(layers_of(gbuffer)[0], params.radius, params.max_radius_px, step, params.bias)
     turn, shift = transform(gbuffer, other)
     seen = replace(own, position=own.position @ turn.T + shift, normal=own.normal @ turn.T)
     camera = _camera(other, radiance, auxiliary=True)
@@ -233,22 +233,22 @@ def layers_of(gbuffer: GBuffer) -> list[SurfaceView]:
     return views
 
 
-def receivers(view: SurfaceView, params: PointsParams, step: int) -> Receivers:
-    """Return every step-th pixel."""
+def receivers(view: SurfaceView, reach: float, most_px: float, step: int = 1, bias: float = 0.0) -> Receivers:
+    """Return every step-th pixel, with the radius `reach` of at most `most_px`; `bias` is in radii."""
     row, column = (view.inner(centre)[::step, ::step] for centre in view.centres())
     depth = view.inner(view.depth)[::step, ::step]
     there = np.isfinite(depth)
     depth = np.where(there, depth, 1.0)
-    wanted_px = params.radius * view.pixels_per_unit(depth)
-    shrink = np.minimum(params.max_radius_px / wanted_px, 1.0)
-    radius = params.radius * shrink
+    wanted_px = reach * view.pixels_per_unit(depth)
+    shrink = np.minimum(most_px / wanted_px, 1.0)
+    radius = reach * shrink
     return Receivers(
         there=there,
         active=there & (wanted_px * shrink >= step),
         position=view.position(row, column, depth),
         normal=view.inner(view.normal)[::step, ::step],
         radius=radius,
-        floor=params.bias * radius + DEPTH_ROUNDING * depth,
+        floor=bias * radius + DEPTH_ROUNDING * depth,
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
 from ssgi_cl.reference.patterns import slice_pattern
-from ssgi_cl.reference.ssdo.ssdo_points import NEAREST, layers_of, pixel_of, transform
+from ssgi_cl.reference.ssdo.ssdo_points import NEAREST, Receivers, layers_of, pixel_of, receivers, transform
 
 if TYPE_CHECKING:
     from ssgi_cl.techniques.ao.slices import SliceParams
@@ -56,10 +56,7 @@ class _Other:
     depth: Doubles  # [layers, rows, columns]
     normal: Doubles  # [layers that have normals, rows, columns, 3]
     radiance: Doubles
-    position: Doubles
-    receiver_normal: Doubles
-    floor: Doubles
-    radius: Doubles
+    at: Receivers
     pixel: Doubles  # width of one at the receivers
 
 
@@ -91,39 +88,34 @@ def ssdo_views_reference(
     view = SurfaceView.of(gbuffer)
     view = view.reduced(step) if step > 1 else view
     row, column = (view.inner(centre) for centre in view.centres())
-    depth = view.inner(view.depth)
-    there = np.isfinite(depth)
-    depth = np.where(there, depth, 1.0)
-    position, normal = view.position(row, column, depth), view.inner(view.normal)
-    wanted_px = slices.radius * view.pixels_per_unit(depth)
-    shrink = np.minimum(slices.max_radius_px / step / wanted_px, 1.0)
-    active = there & (wanted_px * shrink >= 1.0)
-    radius = slices.radius * shrink
-    further = _other(gbuffer, other, unseen, radiance, position, normal, depth, radius, slices, params)
-    turn, _ = transform(gbuffer, other)
-    tile_row, tile_column = np.indices(depth.shape)
+    at = receivers(view, slices.radius, slices.max_radius_px / step)
+    turn, shift = transform(gbuffer, other)
+    seen = replace(at, position=at.position @ turn.T + shift, normal=at.normal @ turn.T)
+    further = _other(other, unseen, radiance, seen, -at.position[..., 2], slices.radius, params)
+    shape = at.there.shape
+    tile_row, tile_column = np.indices(shape)
     made = slice_pattern(slices)
     eye = _to_eye(view, row, column)
-    hidden, total = np.zeros(depth.shape), np.full(depth.shape, 1e-30)
-    bounce, result = np.zeros((*depth.shape, 3)), masks.copy()
+    hidden, total = np.zeros(shape), np.full(shape, 1e-30)
+    bounce, result = np.zeros((*shape, 3)), masks.copy()
     for s in range(slices.slices):
         angle = made.angle[tile_row % 4, tile_column % 4, s]
         dither = made.dither[tile_row % 4, tile_column % 4, s]
-        slice_ = _Slice(view, eye, angle, normal)
+        slice_ = _Slice(view, eye, angle, at.normal)
         total += slice_.share
-        start, first = np.zeros(depth.shape, int), np.zeros(depth.shape)
+        start, first = np.zeros(shape, int), np.zeros(shape)
         for j in range(params.strata):
             low, high = (2.0 * n / params.strata - 1.0 for n in (j, j + 1))
-            end = slice_.sector(high) if j + 1 < params.strata else np.full(depth.shape, 32.0)
+            end = slice_.sector(high) if j + 1 < params.strata else np.full(shape, 32.0)
             stop = np.clip(end + dither, 0.0, 32.0).astype(int)
-            stop = stop if j + 1 < params.strata else np.full(depth.shape, 32)
+            stop = stop if j + 1 < params.strata else np.full(shape, 32)
             number = np.arange(32)
             free = (number >= start[..., None]) & (number < stop[..., None])
             known = masks[s] & ~masks[slices.slices + s]
             free &= (known[..., None] >> number.astype(np.uint32)) & 1 == 0
-            free &= active[..., None]
-            shift = np.mod(7.0 * dither + np.float32(s * params.strata + j) * GOLDEN, 1.0)
-            place = np.minimum(start + (shift * (stop - start)).astype(int), 31)
+            free &= at.active[..., None]
+            offset = np.mod(7.0 * dither + np.float32(s * params.strata + j) * GOLDEN, 1.0)
+            place = np.minimum(start + (offset * (stop - start)).astype(int), 31)
             later = free & (number >= place[..., None])
             later = np.where(later.any(axis=-1, keepdims=True), later, free)
             chosen = np.argmax(later, axis=-1)
@@ -131,7 +123,7 @@ def ssdo_views_reference(
             sine = low + np.clip(part, 0.0, 1.0) * (high - low)
             way = slice_.direction(eye, sine) @ turn.T
             open_ = np.any(free, axis=-1)
-            hit, light = _march(further, way, open_, shift, slices, params)
+            hit, light = _march(further, way, open_, offset, slices.radius, params)
             count = free.sum(axis=-1)
             fresh = free & ((masks[s][..., None] >> number.astype(np.uint32)) & 1 == 0)
             hidden += np.where(hit, slice_.share * fresh.sum(axis=-1) / 32.0, 0.0)
@@ -200,64 +192,57 @@ def _to_eye(view: SurfaceView, row: Doubles, column: Doubles) -> Doubles:
 
 
 def _other(
-    gbuffer: GBuffer,
     other: GBuffer,
     unseen: Doubles | None,
     radiance: NDArray[np.float64],
-    position: Doubles,
-    normal: Doubles,
+    seen: Receivers,
     depth: Doubles,
-    radius: Doubles,
-    slices: SliceParams,
+    reach: float,
     params: ViewsParams,
 ) -> _Other:
-    turn, shift = transform(gbuffer, other)
+    """Return the auxiliary camera's image; `seen` are the receivers, `depth` to the first camera."""
     views = layers_of(other)
     normals = len(views) if np.asarray(other.normal).ndim == 4 else 1
-    place = position @ turn.T + shift
     to_x, to_y, _, _ = other.camera.pixel_to_view
-    ahead = 1.0 if other.camera.is_orthographic else np.maximum(-place[..., 2], NEAREST * slices.radius)
-    pixel = np.maximum(FINEST * radius, max(abs(to_x), abs(to_y)) * ahead)
+    ahead = 1.0 if other.camera.is_orthographic else np.maximum(-seen.position[..., 2], NEAREST * reach)
+    pixel = np.maximum(FINEST * seen.radius, max(abs(to_x), abs(to_y)) * ahead)
     return _Other(
         view=views[0],
         depth=np.stack([view.depth for view in views]) if unseen is None else unseen,
         normal=np.stack([view.normal for view in views[:normals]]),
         radiance=np.asarray(radiance, np.float64),
-        position=place,
-        receiver_normal=normal @ turn.T,
-        floor=params.bias * pixel + DEPTH_BIAS * depth,
-        radius=radius,
+        at=replace(seen, floor=params.bias * pixel + DEPTH_BIAS * depth),
         pixel=pixel,
     )
 
 
 def _march(
-    other: _Other, way: Doubles, open_: NDArray[np.bool_], shift: Doubles, slices: SliceParams, params: ViewsParams
+    other: _Other, way: Doubles, open_: NDArray[np.bool_], offset: Doubles, reach: float, params: ViewsParams
 ) -> tuple[NDArray[np.bool_], Doubles]:
     """Return where directions meet a surface, and its radiance."""
     met, light = np.zeros(open_.shape, bool), np.zeros((*open_.shape, 3))
     apart = BEFORE * other.pixel
-    growth = (1.0 + other.radius / apart) ** (1.0 / params.taps)
+    growth = (1.0 + other.at.radius / apart) ** (1.0 / params.taps)
     near = np.zeros(open_.shape)
     for tap in range(params.taps):
-        grown = apart * growth ** (tap + shift)
-        far = grown * np.sqrt(growth) - apart if tap + 1 < params.taps else other.radius
-        point = other.position + (grown - apart)[..., None] * way
-        inside, row, column = pixel_of(other.view, point, NEAREST * slices.radius)
+        grown = apart * growth ** (tap + offset)
+        far = grown * np.sqrt(growth) - apart if tap + 1 < params.taps else other.at.radius
+        point = other.at.position + (grown - apart)[..., None] * way
+        inside, row, column = pixel_of(other.view, point, NEAREST * reach)
         centre = row.astype(np.float64) + 0.5, column.astype(np.float64) + 0.5
         nearest, sent = np.full(open_.shape, np.inf), np.zeros((*open_.shape, 3))
         for layer, depth in enumerate(other.depth):
             front = depth[row, column]
             there = open_ & ~met & inside & np.isfinite(front)
             surface = other.view.position(*centre, np.where(there, front, 1.0))
-            height = np.sum((surface - other.position) * other.receiver_normal, axis=-1)
+            height = np.sum((surface - other.at.position) * other.at.normal, axis=-1)
             facing = np.array([0.0, 0.0, 1.0])
             if layer < len(other.normal):
                 facing = other.normal[layer, row, column]
             # Where the ray meets the tap's tangent plane.
-            away = np.sum((surface - other.position) * facing, axis=-1)
+            away = np.sum((surface - other.at.position) * facing, axis=-1)
             speed = np.sum(way * facing, axis=-1)
-            crosses = there & (height > other.floor) & (speed != 0.0)
+            crosses = there & (height > other.at.floor) & (speed != 0.0)
             distance = away / np.where(crosses, speed, 1.0)
             hit = crosses & (distance >= near) & (distance < far) & (distance < nearest)
             nearest = np.where(hit, distance, nearest)

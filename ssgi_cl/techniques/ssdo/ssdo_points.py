@@ -104,11 +104,16 @@ class PointsParams(Params):
         """Taps of a direction: the more directions there are, the finer; one as published."""
         return 1 if self.method == "published" else 2 + math.isqrt(self.samples)
 
-    def thickness_of(self, given: Plane | None) -> int:
-        """Return which thickness counts: 0 none, 1 the parameter, 2 that of each pixel."""
-        if self.method == "published":
-            return 0
-        return 2 if given is not None else int(self.thickness > 0.0)
+    def macros(self, layers: int, thickness: Plane | None) -> dict[str, int]:
+        """Return the macros of kernels/ssdo/search.clh to read depth layers with or without thickness."""
+        published = self.method == "published"
+        return {
+            "POINTS_TAPS": self.taps,
+            "POINTS_LAYERS": layers,
+            "POINTS_PUBLISHED": int(published),
+            # None, the parameter, or that of each pixel.
+            "POINTS_THICKNESS": 0 if published else 2 if thickness is not None else int(self.thickness > 0.0),
+        }
 
 
 class SsdoPoints(Prepared[PointsParams]):
@@ -209,14 +214,11 @@ class SsdoPoints(Prepared[PointsParams]):
         kernel = self.runtime.kernel(
             "ssdo/ssdo_points.cl",
             {
+                **self.params.macros(layers, thickness),
                 "POINTS_COUNT": self.params.samples,
-                "POINTS_TAPS": self.params.taps,
-                "POINTS_LAYERS": layers,
                 "POINTS_SENDERS": senders,
                 "POINTS_STEP": self.step,
                 "POINTS_SKY": int(image is not None),
-                "POINTS_PUBLISHED": int(self.params.method == "published"),
-                "POINTS_THICKNESS": self.params.thickness_of(thickness),
                 "POINTS_KEPT": int(self.kept is not None),
             },
             (CAMERA, POINTS),

@@ -389,14 +389,11 @@ def add_point_view(
     kernel = points.runtime.kernel(
         "ssdo/ssdo_point_views.cl",
         {
+            **points.params.macros(other.layers, other.thickness),
             "POINT_VIEWS_COUNT": points.params.samples,
-            "POINTS_TAPS": points.params.taps,
-            "POINTS_LAYERS": other.layers,
             "POINT_VIEWS_SENDERS": 0 if records is None else records.layers,
             "POINT_VIEWS_STEP": points.step,
             "POINT_VIEWS_SKY": int(light.count > 1 + 3 * points.bounces),
-            "POINTS_PUBLISHED": int(points.params.method == "published"),
-            "POINTS_THICKNESS": points.params.thickness_of(other.thickness),
         },
         (CAMERA, POINTS, OTHER_VIEW),
     )

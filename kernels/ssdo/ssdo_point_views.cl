@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// ssdo_point_views: what another camera sees round each pixel, after ssdo_points.
+// ssdo_point_views: surfaces of an auxiliary camera in the unoccluded directions of ssdo_points.
 //
 // Method:  Ritschel, Grosch and Seidel 2009, "Approximating Dynamic Global Illumination in Image
 //          Space", section 6, add cameras that see what the first one misses.
@@ -10,7 +10,7 @@
 //                   fields of ssdo_points
 //          planes   POINTS_LAYERS layers of the other camera, with its margin, see
 //                   ssdo/ssdo_planes.cl
-//          thickness of its front layer, likewise; read with POINTS_THICKNESS 2 alone
+//          thickness of its front layer, likewise; read with POINTS_THICKNESS 2 only
 //          senders  POINT_VIEWS_SENDERS layers of its records, see direct/records.clh
 // Writes:  gathered as ssdo_points wrote it: A and the sky's light shrink, the bounce's grows
 //          kept     ceil(POINT_VIEWS_COUNT / 32) images of int as a plane, a bit for each direction
@@ -20,7 +20,7 @@
 //          one receiver to the next), POINT_VIEWS_SKY, POINTS_PUBLISHED (0, 1),
 //          POINTS_THICKNESS (0..2)
 // Launch:  SSGI_LANES receivers of a row per work-item
-// Cost:    that of ssdo_points, for directions that are still open
+// Cost:    that of ssdo_points, for directions that are still unoccluded
 
 #if !defined(POINT_VIEWS_COUNT) || !defined(POINTS_TAPS) || !defined(POINTS_LAYERS) ||             \
     !defined(POINT_VIEWS_SENDERS) || !defined(POINT_VIEWS_STEP) || !defined(POINT_VIEWS_SKY) ||    \
@@ -96,7 +96,7 @@ __kernel void ssdo_point_views(ssgi_plane depth, ssgi_plane normal,
     const vfloat nx = point_views_own(normal, whole, 0, x, y, params);
     const vfloat ny = point_views_own(normal, whole, 1, x, y, params);
     const vfloat nz = point_views_own(normal, whole, 2, x, y, params);
-    // The receiver as the other camera sees it.
+    // The receiver in the other camera's view space.
     PointsReceiver at;
     vfloat px, py, pz;
     point_views_turned(view, ssgi_slope_x(camera, column_own) * k,

@@ -25,7 +25,7 @@ MOST_LAYERS = 31
 
 @dataclass(frozen=True, kw_only=True)
 class SsdoBitmaskParams(SliceParams):
-    """Parameters of directional occlusion and a bounce from a visibility bitmask."""
+    """Parameters of directional occlusion and one-bounce light from a visibility bitmask."""
 
     taps: int = param(20, "depths read on either side of a slice", low=1, high=64)
     tap_power: float = param(1.0, "taps lie at u^tap_power of the radius, u evenly spread", low=0.1, high=8.0)
@@ -49,8 +49,7 @@ class SsdoBitmaskParams(SliceParams):
     )
     cones: int = param(
         8,
-        "directions of each slice in which an environment's image is looked up, and what is "
-        "hidden where normals are bent",
+        "directions of each slice in which an environment's image, and the occlusion of bent normals, is looked up",
         low=1,
         high=16,
     )
@@ -58,23 +57,22 @@ class SsdoBitmaskParams(SliceParams):
 
 
 class SsdoBitmask(Prepared[SsdoBitmaskParams]):
-    """The back end, prepared for images of one size.
+    """Directional occlusion and one-bounce light from a visibility bitmask, prepared for one size.
 
     Args:
         runtime: the device.
         size: (rows, columns) of the camera's image.
-        params: of the technique; those of the blur are of no account here.
+        params: see `SsdoBitmaskParams`; those of the blur are ignored.
         margin: (rows, columns) by which the G-buffers exceed it on every side.
         layers: depth layers of the G-buffers.
-        masks: whether `masks` is wanted.
+        masks: whether `masks` is needed, for auxiliary cameras.
 
     Attributes:
         size: (rows, columns) of the results, as `params.resolution` says.
-        masks: int32, the covered sectors of the last call: bit s of each element is that of
-            sector s, 0 at the second side's tangent plane; laid out as a plane of `params.slices`
-            images of `size`, and as many of those covered sectors whose sender is seen from a side
-            that the camera does not see, and so sends nothing; 0 where nothing is. None if they are
-            not wanted.
+        masks: int32, the covered sectors of the last call, as a plane of `params.slices` images of
+            `size`: bit s of each element is sector s, counted from the second side's tangent plane.
+            As many images follow of the covered sectors whose sender is seen from the side averted
+            from the camera, and so sends nothing. 0 where nothing is. None without the argument.
     """
 
     def __init__(
@@ -113,15 +111,14 @@ class SsdoBitmask(Prepared[SsdoBitmaskParams]):
         Args:
             gbuffer: of the size, margin and layers this was prepared for.
             source: the same, or it reduced to `size`.
-            radiance: of what is seen, images 3 layer + channel of the G-buffer's whole size,
-                W m^-2 sr^-1, 0 where nothing is; None for no bounce. Behind the images of all
-                layers there may be as many of the sides that the camera does not see; `back` of the
-                parameters counts without.
-            sky: whose image lights what is open; None for none. Its `constant` is left to the
-                caller: A tells all about it.
+            radiance: of the visible surfaces, images 3 layer + channel of the G-buffer's whole
+                size, W m^-2 sr^-1, 0 where nothing is; None for no bounce. As many images of the
+                averted sides may follow; without them, the parameter `back` counts.
+            sky: its image lights the unoccluded directions; None for none. Its `constant` is left
+                to the caller, who needs only A for it.
 
         Returns:
-            A, 1 where nothing is; with `bent_normals` 3 images of what bends the normal, in view
+            A, 1 where nothing is; with `bent_normals` 3 images of the bend of the normal, in view
             space; 3 of the sky's irradiance, W/m^2, if it has an image; 3 of the bounce's if
             `radiance` is given; 0 where nothing is.
 

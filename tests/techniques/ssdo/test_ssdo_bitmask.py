@@ -27,8 +27,8 @@ from .cases import planar, uploaded
 Floats = NDArray[np.float32]
 
 ROUNDING = 1e-5
-"""Of A, and of irradiance relative to that of a sky of the brightest radiance: the same arithmetic
-as bitmask AO's in float32."""
+"""Error of A, and of irradiance relative to that of a sky of the brightest radiance: the arithmetic of
+bitmask AO in float32."""
 FLIPS = 3e-3
 """Share of pixels in which a tap, an end of its piece or a texel of the sky may fall to the other
 side of an edge: 3 of 1209."""
@@ -260,11 +260,11 @@ STACKS = {
     "ffb ": (0, 1, -1, 0),  # a sheet before a closed thing
     "fbf ": (1, -1, 0, 0),  # a wall behind one
     "ffff": (0, 0, 0, 0),
-    "bfb ": (0, 0, 0, 0),  # a sheet from behind comes first: nothing is said
+    "bfb ": (0, 0, 0, 0),  # a sheet from behind comes first: undecided
     "f0b ": (0, 0, 0, 0),  # a layer without a normal
     "    ": (0, 0, 0, 0),
 }
-"""Layers from the front: (f)ront, (b)ack or no normal; and their sides."""
+"""Layers from the front: (f)ront, (b)ack, 0 without a normal, blank without a surface; and their sides."""
 
 
 @pytest.mark.parametrize("kind", ["perspective", "orthographic"])

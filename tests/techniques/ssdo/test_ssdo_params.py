@@ -1,4 +1,4 @@
-"""Parameters of SSDO: back ends take all that it allows, and it allows all counts they take."""
+"""Parameters of SSDO against those of its parts: the same ranges and counts."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ COUNTS: list[tuple[str, type[Params], str]] = [
     ("blur_passes", BilateralParams, "passes"),
     ("shadow_taps", LightShadowParams, "taps"),
 ]
-"""Of SSDO, and where they are handed on."""
+"""Counts of `SsdoParams`, and the parameters of its parts that they become."""
 
 
 def declared(params: Any) -> dict[str, Any]:

@@ -24,12 +24,12 @@ from .cases import aside, layered, planar, uploaded
 SLICES = SsdoBitmaskParams(radius=0.8, slices=2)
 SIZE = (39, 53)
 FLIPS = 0.02
-"""Share of pixels in which one of 16 taps may fall to the other side of a pixel's edge or surface,
-or a sector's end to the other side of a dither: the bitmask's quick angles are 1/500 sector off."""
+"""Share of pixels in which rounding may move one of 16 taps across a pixel's edge or a surface, or a
+sector's end across a dither: the bitmask's fast angles are 1/500 sector off."""
 
 
 def inner(runtime: Runtime, masks: DeviceArray, slices: int, size: tuple[int, int]) -> Any:
-    """Return [slices, rows, columns] uint32 of masks in the layout of a plane."""
+    """Return masks in the layout of a plane as [slices, rows, columns] uint32."""
     pitch = runtime.plane(1, size).pitch
     rows = masks.download().reshape(-1, pitch)[1 : 1 + slices * size[0], : size[1]]
     return rows.reshape(slices, *size).view(np.uint32)
@@ -210,7 +210,7 @@ def test_empty_gbuffer_is_refused(runtime: Runtime) -> None:
 # ---- surfaces that no earlier view shows
 
 UNSEEN_FLIPS = 0.002
-"""Share of pixels in which float32 may find another pixel, or another side of the tolerance."""
+"""Share of pixels in which rounding may change the pixel or the result of the tolerance test."""
 
 
 def _assert_unseen_agrees(runtime: Runtime, kind: str) -> None:

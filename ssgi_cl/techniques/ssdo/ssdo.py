@@ -24,7 +24,6 @@ from ssgi_cl.techniques.ao.occlusion import RESOLUTIONS
 from ssgi_cl.techniques.direct.light_data import PunctualLights
 from ssgi_cl.techniques.direct.shadow_maps import checked_lights, uploaded_maps
 from ssgi_cl.techniques.direct.sky import Sky
-from ssgi_cl.techniques.source import Source
 from ssgi_cl.techniques.ssdo.ssdo_bitmask import SsdoBitmask, SsdoBitmaskParams, closed_sides
 from ssgi_cl.techniques.ssdo.ssdo_params import METHODS, SsdoKeywords, SsdoParams
 from ssgi_cl.techniques.ssdo.ssdo_points import SsdoPoints
@@ -175,8 +174,18 @@ class Ssdo(Prepared[SsdoParams]):
         if not sends and not ambient and self._bent is None:
             self.runtime.skip("ssdo", "no ambient light, and nothing that a surface could send")
         else:
-            source = self._finish.source(gbuffer)
-            gathered = self._gathered(gbuffer, source, sent, ambient, lights, shadows, auxiliary_views)
+            source, views = self._finish.source(gbuffer), iter(auxiliary_views)
+            first = next(views, None)
+            if first is not None and self._views is None:
+                self._views = ViewSenders(self.runtime, self.params)
+                self._back = self._back_end(kept=True)
+            sky = self._sky if self._sky.image is not None else None
+            gathered = self._back.run(gbuffer, source, radiance=sent, sky=sky)
+            if first is not None and self._views is not None:
+                views = chain((first,), views)
+                self._views.add(
+                    gathered, self._back, gbuffer, source, views, lights, shadows, ambient=ambient, sends=sends
+                )
             gathered = self._finish.run(gbuffer, gathered, source=source)
         direct, bounce = self._split(gbuffer, gathered, sends, punctual_lights, lights_margin)
         if self._bent is not None and gathered is not None:
@@ -187,31 +196,6 @@ class Ssdo(Prepared[SsdoParams]):
         """Queue the pass that needs the G-buffer's normals in world space, if there is one."""
         if self.params.method == "bitmask":
             closed_sides(gbuffer)
-
-    def _gathered(
-        self,
-        gbuffer: DeviceGBuffer,
-        source: Source,
-        sent: Any,
-        ambient: bool,
-        lights: Sequence[Light],
-        shadows: Shadows,
-        auxiliary_views: Iterable[DeviceGBuffer],
-    ) -> Plane:
-        """Queue the back end, and the passes of auxiliary cameras."""
-        sky = self._sky if self._sky.image is not None else None
-        auxiliary_views = iter(auxiliary_views)
-        first = next(auxiliary_views, None)
-        if first is not None and self._views is None:
-            self._views = ViewSenders(self.runtime, self.params)
-            self._back = self._back_end(kept=True)
-        light = self._back.run(gbuffer, source, radiance=sent, sky=sky)
-        if first is not None and self._views is not None:
-            views = chain((first,), auxiliary_views)
-            self._views.add(
-                light, self._back, gbuffer, source, views, lights, shadows, ambient=ambient, sends=sent is not None
-            )
-        return light
 
     def _split(
         self,

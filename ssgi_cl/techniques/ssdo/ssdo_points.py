@@ -87,7 +87,11 @@ class PointsParams(Params):
         shape=bool,
     )
     bias: float = param(
-        0.005, "height above the tangent plane up to which nothing hides or sends", low=0.0, high=1.0, unit="radii"
+        0.005,
+        "height above the tangent plane up to which nothing occludes or sends light",
+        low=0.0,
+        high=1.0,
+        unit="radii",
     )
     nearest_distance: float = param(
         1.0,

@@ -237,10 +237,10 @@ class ViewsParams(Params):
     """Parameters of auxiliary cameras with the bitmask."""
 
     strata: int = param(2, "directions that are tried in each slice", low=1, high=16)
-    taps: int = param(4, "depths read on the way in each direction", low=1, high=64)
+    taps: int = param(4, "depths read along each direction", low=1, high=64)
     bias: float = param(
         0.2,
-        "height above the tangent plane up to which nothing hides",
+        "height above the tangent plane up to which nothing occludes",
         low=0.0,
         high=100.0,
         unit="px of the other camera",

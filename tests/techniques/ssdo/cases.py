@@ -37,6 +37,12 @@ def layered(made: Camera, seed: int | np.random.Generator, margin: tuple[int, in
     )
 
 
+def radiance_of(gbuffer: GBuffer, rng: np.random.Generator) -> NDArray[np.float32]:
+    """Return random radiance [layers, rows, columns, 3], 0 where nothing is."""
+    depth = np.asarray(gbuffer.depth).reshape(gbuffer.layers, *np.shape(gbuffer.depth)[-2:])
+    return np.where(np.isfinite(depth)[..., None], rng.random((*depth.shape, 3)), 0.0).astype(np.float32)
+
+
 def uploaded(runtime: Runtime, gbuffer: GBuffer) -> DeviceGBuffer:
     """Return the G-buffer on the device."""
     attributes = 1 if np.ndim(gbuffer.normal) < 4 else gbuffer.layers

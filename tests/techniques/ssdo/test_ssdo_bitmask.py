@@ -22,7 +22,7 @@ from ssgi_cl.techniques.ssdo.ssdo_bitmask import SsdoBitmask, SsdoBitmaskParams,
 
 from ..analytic import camera, scene
 from ..walls import wall_and_floor
-from .cases import planar, uploaded
+from .cases import planar, radiance_of, uploaded
 
 Floats = NDArray[np.float32]
 
@@ -41,12 +41,6 @@ def with_layers(rng: np.random.Generator, kind: str = "perspective", margin: tup
     deeper = depth + rng.uniform(0.05, 0.5, depth.shape)
     deeper[rng.random(depth.shape) < 0.5] = np.inf
     return GBuffer(camera=made, depth=np.stack([depth, deeper]).astype(np.float32), normal=front.normal)
-
-
-def radiance_of(gbuffer: GBuffer, rng: np.random.Generator) -> Floats:
-    """Return [layers, rows, columns, 3] of random radiance, 0 where nothing is."""
-    depth = np.asarray(gbuffer.depth).reshape(gbuffer.layers, *gbuffer.depth.shape[-2:])
-    return np.where(np.isfinite(depth)[..., None], rng.random((*depth.shape, 3)), 0.0).astype(np.float32)
 
 
 def gathered(

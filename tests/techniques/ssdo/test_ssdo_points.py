@@ -19,7 +19,7 @@ from ssgi_cl.reference.ssdo.ssdo_points import Gathered, ssdo_points_reference
 from ssgi_cl.techniques.ssdo.ssdo_points import PointsParams, SsdoPoints, cell_centres, cell_flux, direction_sets
 
 from ..analytic import CAMERAS, camera, scene, slow_but, tilted, trace
-from .cases import as_gathered, assert_alike, layered, planar, uploaded
+from .cases import as_gathered, assert_alike, layered, planar, radiance_of, uploaded
 
 Doubles = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ def gathered(
     params: PointsParams,
     *,
     step: int = 1,
-    radiance: Doubles | None = None,
+    radiance: NDArray[np.floating] | None = None,
     sky: Doubles | None = None,
 ) -> Gathered:
     """Return the kernel's results in the form of the reference, and check that it repeats them."""
@@ -52,12 +52,6 @@ def gathered(
     return as_gathered(images, sky=sky is not None, bounce=radiance is not None)
 
 
-def senders(gbuffer: GBuffer, rng: np.random.Generator) -> Doubles:
-    """Return random radiance of every layer and pixel."""
-    depth = np.asarray(gbuffer.depth)
-    return rng.random((gbuffer.layers, *depth.shape[-2:], 3))
-
-
 # ---- against the numpy reference
 
 
@@ -68,7 +62,7 @@ def test_kernel_agrees_with_numpy_reference_in_every_scene_and_camera(
 ) -> None:
     gbuffer = scene(name, camera(kind, size=(33, 43)), rng, margin=(3, 5))
     params = PointsParams(radius=RADIUS)
-    sent, sky = senders(gbuffer, rng), rng.random((8, 16, 3))
+    sent, sky = radiance_of(gbuffer, rng), rng.random((8, 16, 3))
     found = gathered(runtime, gbuffer, params, radiance=sent, sky=sky)
     assert_alike(found, ssdo_points_reference(gbuffer, params, radiance=sent, sky=sky), FLIPS)
 
@@ -93,7 +87,7 @@ def test_every_kernel_variant_agrees_with_numpy_reference_for_every_switch(
         thickness = rng.uniform(0.0, RADIUS, np.shape(gbuffer.depth)[1:])
         gbuffer = replace(gbuffer, thickness=thickness.astype(np.float32))
     params = PointsParams(radius=RADIUS, **VARIANTS[variant])
-    sent = senders(gbuffer, rng)[: 1 if variant == "few" else 2]
+    sent = radiance_of(gbuffer, rng)[: 1 if variant == "few" else 2]
     sky = rng.random((8, 16, 3)) if step != 2 else None
     found = gathered(variant_runtime, gbuffer, params, step=step, radiance=sent, sky=sky)
     expected = ssdo_points_reference(gbuffer, params, step=step, radiance=sent, sky=sky)
@@ -104,7 +98,7 @@ def test_every_kernel_variant_gives_the_same_result(
     runtime: Runtime, other_variant: Runtime, rng: np.random.Generator
 ) -> None:
     gbuffer = layered(camera(size=(33, 43)), rng, margin=(2, 4))
-    sent = senders(gbuffer, rng)
+    sent = radiance_of(gbuffer, rng)
     a = gathered(runtime, gbuffer, PointsParams(radius=RADIUS), radiance=sent)
     b = gathered(other_variant, gbuffer, PointsParams(radius=RADIUS), radiance=sent)
     # Contraction is off and light is added in the order of the taps: bit-identical results.
@@ -142,7 +136,7 @@ def test_scale_of_the_world_does_not_matter(runtime: Runtime) -> None:
 def test_bounce_is_proportional_to_radiance(runtime: Runtime, factor: float) -> None:
     rng = np.random.default_rng(1)
     gbuffer = scene("corner", camera(), rng)
-    sent = senders(gbuffer, rng)
+    sent = radiance_of(gbuffer, rng)
     params = PointsParams(radius=RADIUS)
     one = gathered(runtime, gbuffer, params, radiance=sent).bounce
     other = gathered(runtime, gbuffer, params, radiance=factor * sent).bounce

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
+from collections.abc import Iterator
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -12,12 +14,17 @@ from numpy.typing import NDArray
 import ssgi_cl as gi
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight
+from ssgi_cl.core.params import Params
 from ssgi_cl.device.gbuffer import on_device
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, BuiltinScene
+from ssgi_cl.techniques.direct.light_shadows import LightShadowParams
 from ssgi_cl.techniques.direct.shade import shade
+from ssgi_cl.techniques.filters.bilateral import BilateralParams
 from ssgi_cl.techniques.ssdo.ssdo import Ssdo, ssdo
-from ssgi_cl.techniques.ssdo.ssdo_params import METHODS, SsdoParams
+from ssgi_cl.techniques.ssdo.ssdo_bitmask import SsdoBitmaskParams
+from ssgi_cl.techniques.ssdo.ssdo_params import METHODS, METHODS_OF, SsdoParams
+from ssgi_cl.techniques.ssdo.ssdo_points import PointsParams
 from ssgi_cl.techniques.ssdo.ssdo_stages import Senders, shape_of
 from ssgi_cl.techniques.ssdo.ssdo_views import ViewsParams
 
@@ -365,3 +372,45 @@ def test_another_gbuffer_is_refused(runtime: Runtime, corner: GBuffer) -> None:
     device = on_device(corner, runtime)
     with pytest.raises(ValueError, match=r"layers with attributes are \(\(40, 56\).*expected"):
         Ssdo(runtime, device.size, SsdoParams(method="points")).run(device, [SUN])
+
+
+# ---- parameters of the parts
+
+COUNTS: list[tuple[str, type[Params], str]] = [
+    ("slices", SsdoBitmaskParams, "slices"),
+    ("taps", SsdoBitmaskParams, "taps"),
+    ("samples", PointsParams, "samples"),
+    ("blur_radius", BilateralParams, "radius"),
+    ("blur_passes", BilateralParams, "passes"),
+    ("shadow_taps", LightShadowParams, "taps"),
+]
+"""Counts of `SsdoParams`, and the parameters of its parts that they become."""
+
+
+def declared(params: Any) -> dict[str, Any]:
+    """Return the declaration of each parameter by name."""
+    return {field.name: field.metadata for field in fields(params)}
+
+
+def ends() -> Iterator[Any]:
+    """Yield method, parameter and value at each finite end of what is allowed."""
+    for name, rule in declared(SsdoParams).items():
+        for method in METHODS_OF.get(name, METHODS):
+            for end in ("low", "high"):
+                if math.isfinite(rule[end]) and not (end == "low" and rule["above"]):
+                    yield pytest.param(method, name, rule[end], id=f"{method}-{name}-{end}")
+
+
+@pytest.mark.parametrize(("method", "name", "value"), list(ends()))
+def test_nothing_that_is_allowed_is_refused_behind(method: str, name: str, value: float) -> None:
+    params = SsdoParams(method=method, **{name: value})
+    params.back_end((8, 8), (1, 1))
+    params.views()
+    assert params.blur
+    if params.shadow_taps:  # without, no light casts a shadow
+        params.punctual_lights()
+
+
+@pytest.mark.parametrize(("name", "behind", "there"), COUNTS)
+def test_counts_go_as_high_as_those_they_become(name: str, behind: type[Params], there: str) -> None:
+    assert declared(SsdoParams)[name]["high"] == declared(behind)[there]["high"]

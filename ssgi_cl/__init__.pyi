@@ -79,10 +79,10 @@ from .techniques.rsm.rsm_published import RsmPublishedParams as RsmPublishedPara
 from .techniques.sampled_lights.sampled_lights import SampledLights as SampledLights
 from .techniques.sampled_lights.sampled_lights import SampledLightsParams as SampledLightsParams
 from .techniques.sampled_lights.sampled_lights import sampled_lights as sampled_lights
-from .techniques.ssdo.auxiliary_cameras import auxiliary_cameras as auxiliary_cameras
 from .techniques.ssdo.ssdo import Ssdo as Ssdo
 from .techniques.ssdo.ssdo import ssdo as ssdo
 from .techniques.ssdo.ssdo_params import SsdoParams as SsdoParams
+from .techniques.ssdo.ssdo_views import auxiliary_cameras as auxiliary_cameras
 from .techniques.vpl.vpl_choice import choose_vpls as choose_vpls
 from .techniques.vpl.vpl_splat import VplSplat as VplSplat
 from .techniques.vpl.vpl_splat import VplSplatParams as VplSplatParams

@@ -12,7 +12,6 @@ from ssgi_cl.bench.drawn import DrawnMaps
 from ssgi_cl.frame.auxiliary_views import AuxiliaryViews
 from ssgi_cl.techniques.ssdo.ssdo import Ssdo
 from ssgi_cl.techniques.ssdo.ssdo_params import SsdoParams
-from ssgi_cl.techniques.ssdo.ssdo_view_senders import ViewSenders
 from ssgi_cl.tuning.context import Context
 
 from .scan import Measured, Scan
@@ -41,7 +40,7 @@ def view_errors(context: Context, values: Mapping[str, Any]) -> Measured:
     truth = context.bounce().mean
     seen = context.seen
     rmse = float(np.sqrt(np.mean((image - truth)[seen] ** 2, dtype=np.float64)))
-    views = ViewSenders(context.runtime, params).views
+    views = params.views()
     taps = cameras * params.slices * views.strata * views.taps
     return Measured(100.0 * rmse / max(float(truth[seen].mean()), 1e-30), float(taps))
 

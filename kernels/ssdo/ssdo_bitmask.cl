@@ -1,20 +1,20 @@
 // SPDX-License-Identifier: MIT
-// ssdo_bitmask: ambient occlusion, the sky's light through what is open, and one diffuse bounce of
-// light from what is not, in one scan of slices with 32 sectors each.
+// ssdo_bitmask: ambient occlusion, the sky's light through the unoccluded directions, and one
+// diffuse bounce of light from the others, in one scan of slices with 32 sectors each.
 //
 // Method:  Therrien et al. 2023, "Screen Space Indirect Lighting with Visibility Bitmask".
-// Departs: sectors are equal parts of the cosine-weighted measure (see bitmask_ao), so that a
-//          sender is weighted by what it covers: irradiance is pi times the mean over the measure
-//          of the radiance that arrives. There is no area of a sender, no distance and no clamp to
-//          choose, and within a furnace of radiance L it is pi L (1 - A). A tap is a piece of the
-//          plane that it lies in (see pieces.clh), so that surfaces have no thickness unless it is
-//          asked for; the first on the way outward to cover a sector lights it, whatever its layer.
-//          Taps are spread over what of a side lies in the arrays. A surface that turns its back
-//          on the camera is seen by the receiver from behind: it sends `back` of its front's
-//          radiance, or with BITMASK_BACKS what `sent` has for backs.
-// Sky:     The open part of each of BITMASK_CONES equal steps of the sine from the normal is lit by
-//          the direction in its middle, from a map that is filtered to the width of a step.
-// Bent:    Hidden directions are looked up in BITMASK_BENT cones likewise, see bend.clh.
+// Departs: sectors are equal parts of the cosine-weighted measure (see bitmask_ao), so the weight
+//          of a sender is the number of sectors that it covers: irradiance is pi times the mean
+//          over the measure of the radiance that arrives. There is no area of a sender, no distance
+//          and no clamp to choose, and within a furnace of radiance L it is pi L (1 - A). A tap is
+//          a piece of its tangent plane (see pieces.clh), so surfaces have no thickness unless the
+//          parameter says so. The first piece outward to cover a sector lights it, whatever its
+//          layer. Taps are distributed over the part of a side within the arrays. A receiver that
+//          sees a surface's side averted from the camera gets `back` of the radiance of the other
+//          side, or with BITMASK_BACKS the radiance of that side in `sent`.
+// Sky:     The unoccluded part of each of BITMASK_CONES equal steps of the sine from the normal is
+//          lit by the direction in its middle, from a map that is filtered to the width of a step.
+// Bent:    Occluded directions are looked up in BITMASK_BENT cones likewise, see bend.clh.
 // Reads:   inv_depth    SLICES_LAYERS x [rows, 4 stride] with margin, from slices_inv_depth
 //          normal  3 x [rows, columns] with margin, view space, unit length
 //          table   [4 rows][4 columns][SLICES_COUNT][3 + SLICES_TAPS], see common/slices.clh
@@ -24,7 +24,7 @@
 //                  W m^-2 sr^-1; with BITMASK_BACKS as many more for their backs
 //          sides   SLICES_LAYERS x likewise, see ssdo/ssdo_sides.cl (BITMASK_SIDES 1)
 // Writes:  light   images [rows, columns] without margin: A in [0, 1], 1 where nothing is; with
-//                  BITMASK_BENT 3 of what bends the normal, view space; with BITMASK_CONES 3 of
+//                  BITMASK_BENT 3 of the bend of the normal, view space; with BITMASK_CONES 3 of
 //                  irradiance by the sky, W/m^2, and with BITMASK_BOUNCE 3 of irradiance by the
 //                  bounce; 0 where nothing is
 //          kept    2 SLICES_COUNT x [rows, columns] without margin, with BITMASK_KEPT: a bit for
@@ -45,7 +45,7 @@
 #error "the macros SLICES_*, BITMASK_* and SKY_SIZE of the header must be defined by the host"
 #endif
 
-// What the scan reads and writes beside depth; the struct SsdoBitmaskParams is generated from
+// Arguments of the scan beside depth; the struct SsdoBitmaskParams is generated from
 // ssgi_cl.techniques.ssdo.ssdo_bitmask.
 typedef struct {
     __global const float *slopes;
@@ -60,7 +60,7 @@ typedef struct {
 #define SSDO_FIRST_SKY (1 + 3 * (BITMASK_BENT > 0)) // image
 #define SSDO_FIRST_BOUNCE (SSDO_FIRST_SKY + 3 * (BITMASK_CONES > 0))
 #define SSDO_IMAGES (SSDO_FIRST_BOUNCE + 3 * BITMASK_BOUNCE)
-// Are covered sectors noted whose sender is seen from behind, which sends `back` alone?
+// Whether covered sectors are marked whose sender is seen from behind and sends only `back`.
 #define SSDO_DARK (BITMASK_KEPT * BITMASK_BOUNCE * (1 - BITMASK_BACKS))
 
 #include "common/scan.clh"
@@ -68,8 +68,8 @@ typedef struct {
 #include "ssdo/pieces.clh"
 #include "ssdo/sky.clh"
 
-// Find the pieces of a slice, and cover the sectors that they hide, side by side, on each from near
-// to far and of each tap the layers from front to back.
+// Find the pieces of a slice and cover their sectors: one side after the other, each from near to
+// far, of each tap the layers from front to back.
 SSGI_INLINE void ssdo_slice(ssgi_plane inv_depth, const SsgiReceiver *receiver,
                             const SsdoGiven *given, const SsgiPattern *pattern, SsgiSlice *slice,
                             const SliceParams params, Pieces *pieces)
@@ -78,7 +78,7 @@ SSGI_INLINE void ssdo_slice(ssgi_plane inv_depth, const SsgiReceiver *receiver,
     SsgiReceiver sided = *receiver;
     const float span = slice->span;
     int sides = 2;
-    if (BITMASK_CONES) { // of receivers that see nothing but the sky, none
+    if (BITMASK_CONES) { // none of receivers that see only the sky
         sides = v_any(receiver->active) ? 2 : 0;
     }
 #pragma unroll 1
@@ -107,8 +107,8 @@ SSGI_INLINE void ssdo_slice(ssgi_plane inv_depth, const SsgiReceiver *receiver,
     }
 }
 
-// Find what slices of this radius (a length) see: the fraction that is occluded, the images behind
-// A, and with BITMASK_KEPT the bits of each slice.
+// Scan the slices within this radius (a length): the occluded fraction, the images behind A, and
+// with BITMASK_KEPT the bits of each slice.
 SSGI_INLINE void ssdo_scan(ssgi_plane inv_depth, const SsgiReceiver *receiver,
                            const SsdoGiven *given, const SsgiPattern *pattern, const float radius,
                            const SliceParams params, vfloat images[SSDO_IMAGES],
@@ -202,7 +202,7 @@ ssdo_bitmask(ssgi_plane inv_depth, ssgi_plane normal, __global const float *rest
         bits[s] = v_splat_int(0);
     }
     vmask receivers = receiver.active;
-    if (BITMASK_CONES) { // the sky lights those too whose radius is below a pixel
+    if (BITMASK_CONES) { // the sky also lights receivers whose radius is below a pixel
         receivers = receiver.there;
     }
     SsgiGroup group = ssgi_groups(receivers);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// ssdo_point_views: what another camera sees round each pixel, after ssdo_points.
+// ssdo_point_views: surfaces of an auxiliary camera in the unoccluded directions of ssdo_points.
 //
 // Method:  Ritschel, Grosch and Seidel 2009, "Approximating Dynamic Global Illumination in Image
 //          Space", section 6, add cameras that see what the first one misses.
@@ -10,7 +10,7 @@
 //                   fields of ssdo_points
 //          planes   POINTS_LAYERS layers of the other camera, with its margin, see
 //                   ssdo/ssdo_planes.cl
-//          thickness of its front layer, likewise; read with POINTS_THICKNESS 2 alone
+//          thickness of its front layer, likewise; read with POINTS_THICKNESS 2 only
 //          senders  POINT_VIEWS_SENDERS layers of its records, see direct/records.clh
 // Writes:  gathered as ssdo_points wrote it: A and the sky's light shrink, the bounce's grows
 //          kept     ceil(POINT_VIEWS_COUNT / 32) images of int as a plane, a bit for each direction
@@ -20,7 +20,7 @@
 //          one receiver to the next), POINT_VIEWS_SKY, POINTS_PUBLISHED (0, 1),
 //          POINTS_THICKNESS (0..2)
 // Launch:  SSGI_LANES receivers of a row per work-item
-// Cost:    that of ssdo_points, for directions that are still open
+// Cost:    that of ssdo_points, for directions that are still unoccluded
 
 #if !defined(POINT_VIEWS_COUNT) || !defined(POINTS_TAPS) || !defined(POINTS_LAYERS) ||             \
     !defined(POINT_VIEWS_SENDERS) || !defined(POINT_VIEWS_STEP) || !defined(POINT_VIEWS_SKY) ||    \
@@ -31,7 +31,7 @@
 #define POINTS_SURE 1
 #include "ssdo/search.clh"
 
-// The struct PointViewsParams is generated from ssgi_cl.techniques.ssdo.ssdo_point_views.
+// The struct OtherViewParams is generated from ssgi_cl.techniques.ssdo.ssdo_views.
 
 #define POINT_VIEWS_FIELDS (POINT_VIEWS_SKY ? 11 : 5)
 #define POINT_VIEWS_WORDS ((POINT_VIEWS_COUNT + 31) / 32)
@@ -52,7 +52,7 @@ static inline vfloat point_views_own(ssgi_plane plane, const int2 whole, const i
 }
 
 // A vector in the other camera's view space; z points to the viewer in both.
-static inline void point_views_turned(const PointViewsParams view, const vfloat x, const vfloat y,
+static inline void point_views_turned(const OtherViewParams view, const vfloat x, const vfloat y,
                                       const vfloat z, vfloat *to_x, vfloat *to_y, vfloat *to_z)
 {
     *to_x = v_fma(x, v_splat(view.xx), v_fma(y, v_splat(view.xy), z * view.xz));
@@ -70,7 +70,7 @@ __kernel void ssdo_point_views(ssgi_plane depth, ssgi_plane normal,
                                __global float *restrict gathered, __global int *restrict kept,
                                const int2 size, // of the result
                                const SsgiCamera camera, const SsgiCamera other,
-                               const PointsParams params, const PointViewsParams view)
+                               const PointsParams params, const OtherViewParams view)
 {
     const int x = ssgi_first_column();
     const int y = (int)get_global_id(1);
@@ -96,7 +96,7 @@ __kernel void ssdo_point_views(ssgi_plane depth, ssgi_plane normal,
     const vfloat nx = point_views_own(normal, whole, 0, x, y, params);
     const vfloat ny = point_views_own(normal, whole, 1, x, y, params);
     const vfloat nz = point_views_own(normal, whole, 2, x, y, params);
-    // The receiver as the other camera sees it.
+    // The receiver in the other camera's view space.
     PointsReceiver at;
     vfloat px, py, pz;
     point_views_turned(view, ssgi_slope_x(camera, column_own) * k,

@@ -1,27 +1,25 @@
 // SPDX-License-Identifier: MIT
-// ssdo_points: directional occlusion and one bounce of light from directions in the half ball round
-// each pixel.
+// ssdo_points: directional occlusion and one bounce of light from directions in the hemisphere
+// above each pixel.
 //
 // Method:  Ritschel, Grosch and Seidel 2009, "Approximating Dynamic Global Illumination in Image
-//          Space". POINTS_PUBLISHED 1: one tap for each direction; a sender has an area that is the
-//          same for all. POINTS_PUBLISHED 0: a direction is open and brings the sky's light, or
-//          meets a surface and brings its light, with the same weight: nothing gets lost or counts
-//          twice. See ssdo/search.clh for both.
-// Departs: directions are fixed in the world and turned to the receiver's side, so that the light
-//          from a direction is one of two numbers. A is the open share of all weights, which is
-//          exactly 1 where nothing hides. Only what rises above the receiver's tangent plane
-//          counts. In a row, receivers are taken by column modulo 4, so that lanes have the same
-//          directions and read places next to one another.
+//          Space". POINTS_PUBLISHED 1: one tap for each direction; all senders have the same area.
+//          POINTS_PUBLISHED 0: a direction is unoccluded and receives the sky's light, or meets a
+//          surface and receives its light, with the same weight, so light is conserved. See
+//          ssdo/search.clh for both.
+// Departs: directions are fixed in world space and mirrored to the receiver's side, so the light
+//          from a direction is one of two numbers. A is the unoccluded share of all weights,
+//          exactly 1 without occluders. Only surfaces above the receiver's tangent plane count. In
+//          a row, receivers are processed by column modulo 4, so that lanes share directions and
+//          read adjacent pixels.
 // Reads:   depth, normal  image 0 and the first three, with margin: receivers, view space
-//          thickness of the front layer, likewise, scene units; with POINTS_THICKNESS 2 alone
+//          thickness of the front layer, likewise, scene units; with POINTS_THICKNESS 2 only
 //          planes   POINTS_LAYERS layers, see ssdo/ssdo_planes.cl
-//          senders  POINTS_SENDERS layers of records, see direct/records.clh, with margin,
-//          of
-//                   the sides that the camera sees
+//          senders  POINTS_SENDERS layers of records, see direct/records.clh, with margin, of the
+//                   sides that the camera sees
 //          directions  [16 rows][4 columns][POINTS_COUNT][5, with POINTS_SKY 11]: a unit vector,
-//          view
-//                   space; a number in (0, 1), see PointsDirection; the solid angle; the light from
-//                   there and from the opposite side, RGB W/m^2
+//                   view space; a number in (0, 1), see PointsDirection; the solid angle; the light
+//                   from there and from the opposite side, RGB W/m^2
 // Writes:  gathered [rows, columns] without margin: A in [0, 1]; with POINTS_SKY 3 images of the
 //          sky's irradiance; with POINTS_SENDERS > 0 3 images of the bounce's, W/m^2. Where
 //          nothing is: 1, and 0
@@ -33,8 +31,8 @@
 //          POINTS_THICKNESS (0..2)
 // Launch:  one lane: a work-item a receiver; else 16 for pieces of 4 SSGI_LANES columns, which make
 //          strips of 256 columns and one or more rows, strip by strip
-// Cost:    per receiver and direction up to 2 POINTS_TAPS POINTS_LAYERS quads, and a record of what
-//          is met; published: a quad for each layer
+// Cost:    per receiver and direction up to 2 POINTS_TAPS POINTS_LAYERS quads, and one sender
+//          record; published: a quad for each layer
 
 #if !defined(POINTS_COUNT) || !defined(POINTS_TAPS) || !defined(POINTS_LAYERS) ||                  \
     !defined(POINTS_SENDERS) || !defined(POINTS_STEP) || !defined(POINTS_SKY) ||                   \
@@ -157,7 +155,7 @@ __kernel void ssdo_points(ssgi_plane depth, ssgi_plane normal,
         at.nx = points_own(normal, whole, 0, x + phase, y, params);
         at.ny = points_own(normal, whole, 1, x + phase, y, params);
         at.nz = points_own(normal, whole, 2, x + phase, y, params);
-        // Near the camera the ball covers many pixels: it may be limited.
+        // Near the camera the hemisphere covers many pixels: it may be limited.
         const vfloat wanted_px = params.radius * max(fabs(camera.from_x), fabs(camera.from_y)) / k;
         const vfloat shrink = v_min(params.most_px / wanted_px, v_splat(1.0f));
         at.radius = params.radius * shrink;
@@ -216,7 +214,7 @@ __kernel void ssdo_points(ssgi_plane depth, ssgi_plane normal,
             sky[c][phase] = v_select(zero, sky[c][phase], there);
 #endif
 #if POINTS_SENDERS > 0 && !POINTS_PUBLISHED
-            // All weights are pi together, as those of all directions are.
+            // Normalise the sum of the weights to pi, that of all directions.
             bounce[c][phase] = bounce[c][phase] * (POINTS_PI * inverse);
 #endif
         }

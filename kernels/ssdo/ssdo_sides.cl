@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: MIT
-// ssdo_sides: which layers bound something closed, and which of their sides is the outer one.
+// ssdo_sides: layers that bound a closed object, and which of their sides is the outer one.
 //
-// Normals of a mesh point out of what is closed. Of the layers of a pixel, from the front, each
-// that turns its outer side to the camera begins something, and each that turns it away ends what
-// was begun last and is not ended; of such pairs nobody sees the inner sides. A sheet is begun and
-// not ended. A pixel says nothing where a layer ends what was never begun (a sheet from behind, a
-// mesh with its normals inside, the inside of something closed) or has no normal.
+// Normals of a mesh point out of a closed object. From the front, each layer of a pixel that turns
+// its outer side to the camera begins an object; each that turns it away ends the last object begun
+// and not yet ended. The inner sides of such a pair are not visible. A sheet begins and has no end.
+// No layer of a pixel is marked if one ends an object that was never begun (a sheet from behind, a
+// mesh with its normals inside, a camera within an object) or has no normal.
 //
 // Reads:   depth   SIDES_LAYERS x [rows, columns], scene units; INFINITY where nothing is
 //          normal  3 SIDES_LAYERS x likewise, view space, facing the camera
 //          given   likewise, world space, as the mesh has it; 0 for none
-// Writes:  sides   SIDES_LAYERS x likewise: 1 if the camera sees the outer side of something
-//                  closed, -1 if it sees the inner side, else 0
+// Writes:  sides   SIDES_LAYERS x likewise: 1 if the camera sees the outer side of a closed
+//                  object, -1 if it sees the inner side, else 0
 // Params:  rotation  world to view, row by row
 // Macros:  SIDES_LAYERS (2 to 31)
 // Launch:  SSGI_LANES pixels of a row per work-item

@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: MIT
-// ssdo_split: direct light and the bounce of each pixel, from what was gathered and from lights.
+// ssdo_split: direct light and the bounce of each pixel, from the gathered images and punctual
+// lights.
 //
-// direct = punctual_lights + sky + A times the light of constant environments; bounce is what was
-// gathered.
-// Reads:   depth     image 0, with margin; INFINITY where nothing is
+// direct = punctual_lights + sky + A times the light of constant environments; the bounce is
+// copied. Reads:   depth     image 0, with margin; INFINITY where nothing is
 //          gathered  A; from image SPLIT_FIRST on 3 of the sky's irradiance (SPLIT_SKY 1), 3 of the
 //                    bounce's (SPLIT_BOUNCE 1), W/m^2
 //          punctual_lights  3 images, W/m^2, with a margin of its own (SPLIT_LIGHTS 1)
 // Writes:  direct, bounce  3 x [rows, columns] W/m^2; 0 where nothing is; bounce with
 //          SPLIT_BOUNCE 1
-// Macros:  SPLIT_GATHERED (whether there is `gathered` at all: else A is 1 and the bounce 0),
+// Macros:  SPLIT_GATHERED (whether there is `gathered`: else A is 1 and the bounce 0),
 //          SPLIT_SKY, SPLIT_BOUNCE, SPLIT_LIGHTS: 0 or 1; SPLIT_FIRST (>= 1)
 // Params:  irradiance of constant environments where A is 1; margins
 // Launch:  SSGI_LANES pixels of a row per work-item

@@ -1,29 +1,28 @@
 // SPDX-License-Identifier: MIT
-// ssdo_views: what another camera sees in the directions that are still open, after ssdo_bitmask.
+// ssdo_views: surfaces of an auxiliary camera in the unoccluded directions of ssdo_bitmask.
 //
 // Method:  Ritschel, Grosch and Seidel 2009, "Approximating Dynamic Global Illumination in Image
 //          Space", add cameras that see what the first one misses.
-// Departs: sectors are free that nothing covers, or the side of a surface that the first camera
-// does
-//          not see: what shines from there is open. The free sectors of a slice are split into
-//          VIEWS_STRATA parts, equal steps of the sine from the normal. A ray goes in the direction
-//          of one free sector of each; where it meets a surface of the other camera (see
-//          surfaces.clh), that covers all free sectors of the part. So each sector is covered once,
-//          whatever number of cameras follow one another, and its measure is that of ssdo_bitmask.
-//          Distances of taps from a place two pixels of the other camera before the receiver grow
-//          by a constant factor up to the radius: what is near is met at the other camera's
-//          resolution, and what is far in as few taps as its size needs. Surfaces that an earlier
-//          view shows are not met: that view has decided which sectors they cover, and to ask again
-//          covers more (see ssdo_views_unseen.cl).
+// Departs: a sector is free if nothing covers it, or if the first camera does not see the side of
+//          the surface that covers it, whose light is unknown. The free sectors of a slice are
+//          split into VIEWS_STRATA parts, equal steps of the sine from the normal. In each part one
+//          ray has the direction of a free sector; where it meets a surface of the other camera
+//          (see surfaces.clh), that covers all free sectors of the part. So each sector is covered
+//          once, with any number of cameras, and its measure is that of ssdo_bitmask. Distances of
+//          taps grow by a constant factor up to the radius, from a place two pixels of the other
+//          camera before the receiver: near surfaces are met at the other camera's resolution, far
+//          ones in as few taps as their size needs. Surfaces that an earlier view shows are left
+//          out: that view has decided which sectors they cover, and a second test would cover more
+//          (see ssdo_views_unseen.cl).
 // Reads:   linear   [rows, columns] with margin: 1 / depth (orthographic: depth), or INFINITY
 //          normal   3 x likewise, view space, unit length
 //          table    [4 rows][VIEWS_SLICES][3][16 columns]: cosine and sine of a slice's angle from
 //                   +columns towards +rows, dither in [0, 1)
 //          depth    VIEWS_LAYERS x [other rows, other columns] of the other camera, scene units;
-//                   INFINITY where nothing is, or an earlier view shows what is
+//                   INFINITY where nothing is, or an earlier view shows the surface
 //          seen     3 VIEWS_NORMALS x likewise: normals, its view space
 //          radiance 3 VIEWS_SENDERS x likewise, W m^-2 sr^-1
-// Writes:  light    image 0: A, less what is newly covered; from image VIEWS_BOUNCE on: 3 of
+// Writes:  light    image 0: A, less the newly covered fraction; from image VIEWS_BOUNCE on: 3 of
 //                   irradiance, W/m^2, added to (VIEWS_SENDERS > 0)
 //          masks    2 VIEWS_SLICES x [rows, columns] as a plane, int: a bit for each covered
 //                   sector, and for each of them whose sender is unknown
@@ -48,13 +47,13 @@
 #include "ssdo/surfaces.clh"
 
 #define VIEWS_GOLDEN 0.618033989f
-#define VIEWS_BEFORE 2.0f          // px from the receiver to where distances of taps grow from
-#define VIEWS_FINEST 0.0009765625f // radii: a pixel that is less wide counts as one that wide
+#define VIEWS_BEFORE 2.0f // px before the receiver at which distances of taps begin to grow
+#define VIEWS_FINEST 0.0009765625f // least width of a pixel, in radii
 
 // x - floor(x) for x >= 0.
 static inline vfloat views_fraction(const vfloat x) { return x - v_floor(x); }
 
-// Is any of a ball on the inner side of a plane round what the other camera sees?
+// Whether any part of a ball is on the inner side of a plane of the other camera's frustum.
 static inline vmask views_touches(const vfloat x, const vfloat y, const vfloat z,
                                   const vfloat radius, const float a, const float b, const float c,
                                   const float d)
@@ -95,7 +94,7 @@ __kernel void ssdo_views(ssgi_plane linear, ssgi_plane normal, __global const fl
     const vfloat shrink = v_min(params.most_px / wanted_px, one);
     const vfloat radius = params.radius * shrink;
     const vmask active = there & v_ge(wanted_px * shrink, one);
-    // The receiver as the other camera sees it.
+    // The receiver in the other camera's view space.
     const vfloat px = slope_x * k, py = slope_y * k;
     const vfloat ox = v_fma(
         px, v_splat(params.xx),
@@ -125,7 +124,7 @@ __kernel void ssdo_views(ssgi_plane linear, ssgi_plane normal, __global const fl
     at.nx = v_fma(nx, v_splat(params.xx), v_fma(ny, v_splat(params.xy), nz * params.xz));
     at.ny = v_fma(nx, v_splat(params.yx), v_fma(ny, v_splat(params.yy), nz * params.yz));
     at.nz = v_fma(nx, v_splat(params.zx), v_fma(ny, v_splat(params.zy), nz * params.zz));
-    // A pixel of the other camera at the receiver, and what distances grow by from tap to tap.
+    // Width of the other camera's pixel at the receiver, and the growth of distances per tap.
     const vfloat pixel =
         v_max(radius * VIEWS_FINEST, ssgi_k(other, v_max(-oz, v_splat(params.nearest))) *
                                          max(fabs(other.to_x), fabs(other.to_y)));
@@ -172,7 +171,7 @@ __kernel void ssdo_views(ssgi_plane linear, ssgi_plane normal, __global const fl
             const vfloat shift = views_fraction(v_fma(
                 dither, v_splat(7.0f), v_splat((float)(s * VIEWS_STRATA + j) * VIEWS_GOLDEN)));
             if (v_any(v_ine(bits, v_splat_int(0)))) {
-                // One of the free sectors: the first from some place on, or else the first.
+                // One of the free sectors: the first after a dithered place, or else the first.
                 const vint place = from + v_to_int(shift * v_to_float(to - from));
                 const vint later = bits & (all << v_imin(place, v_splat_int(31)));
                 const vint some = v_iselect(later, bits, v_ieq(later, v_splat_int(0)));
@@ -216,7 +215,7 @@ __kernel void ssdo_views(ssgi_plane linear, ssgi_plane normal, __global const fl
                 }
                 const vmask found = v_lt(first.distance, v_splat(INFINITY));
                 added = added | (bits & found);
-                // Lanes are hit at different taps: what was hit is looked up once for all.
+                // Lanes are hit at different taps: the radiance is read once for all.
 #if VIEWS_SENDERS > 0
                 const vmask lit =
                     found & first.faces & v_ilt(first.layer, v_splat_int(VIEWS_SENDERS));

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 // ssdo_views_unseen: removes from an auxiliary view the surfaces that an earlier view shows.
 //
-// Each surface is left to the first view that shows it, so that no surface is found twice and a
-// view that shows nothing new adds nothing.
+// Each surface belongs to the first view that shows it. So no surface is found twice, and a view
+// that shows nothing new adds nothing.
 //
 // A point counts as shown where the surface at one of the four pixel centres round its image lies
 // on the point's tangent plane, no farther from it than one pixel of the earlier camera is wide,
@@ -10,13 +10,12 @@
 // from behind. The four centres surround the point, so a camera that moves by less than a pixel, or
 // has fewer pixels, shows nothing new.
 //
-// Reads:   normal   3 UNSEEN_NORMALS x [rows, columns] with margin, view space of the auxiliary
-// camera
+// Reads:   normal   3 UNSEEN_NORMALS x [rows, columns] with margin, view space of the
+//                   auxiliary camera
 //          earlier  SEEN_LAYERS x depth of the earlier view, with margin, scene units
 //          facing   3 SEEN_NORMALS x its normals likewise, view space of its camera
 // Writes:  depth    UNSEEN_LAYERS x [rows, columns] of the auxiliary view, with margin, scene
-// units:
-//                   INFINITY where the earlier view shows the point
+//                   units: INFINITY where the earlier view shows the point
 // Macros:  UNSEEN_LAYERS, SEEN_LAYERS (>= 1), UNSEEN_NORMALS (1..UNSEEN_LAYERS; deeper layers are
 //          taken to lie across the viewing direction), SEEN_NORMALS (1..SEEN_LAYERS; deeper layers
 //          may have any normal)
@@ -32,7 +31,7 @@
 #error "UNSEEN_LAYERS, UNSEEN_NORMALS, SEEN_LAYERS and SEEN_NORMALS must be defined by the host"
 #endif
 
-// The struct UnseenParams is generated from ssgi_cl.techniques.ssdo.ssdo_views_unseen.
+// The struct OtherViewParams is generated from ssgi_cl.techniques.ssdo.ssdo_views.
 
 // A point of the earlier camera's view space, its normal, and how far from its plane others may
 // lie.
@@ -40,9 +39,9 @@ typedef struct {
     vfloat x, y, z, nx, ny, nz, within;
 } UnseenPoint;
 
-#define UNSEEN_ALIKE 0.5f // cosine between the normals of one surface, at least
+#define UNSEEN_ALIKE 0.5f // least cosine between the normals of one surface
 
-// Is the surface at a pixel of the earlier view on the tangent plane of a point?
+// Whether the surface at a pixel of the earlier view is on the tangent plane of a point.
 static inline vmask unseen_shows(ssgi_plane earlier, ssgi_plane facing, const int2 size,
                                  const SsgiCamera before, const UnseenPoint *at, const vint column,
                                  const vint row)
@@ -74,7 +73,7 @@ static inline vmask unseen_shows(ssgi_plane earlier, ssgi_plane facing, const in
 __kernel void ssdo_views_unseen(ssgi_plane normal, ssgi_plane earlier, ssgi_plane facing,
                                 __global float *restrict depth, const int2 size,
                                 const SsgiCamera camera, const SsgiCamera before,
-                                const UnseenParams view)
+                                const OtherViewParams view)
 {
     const int x = ssgi_first_column();
     const int y = (int)get_global_id(1);

@@ -46,7 +46,7 @@ class DeviceGBuffer:
             passes it of light from behind; of what was drawn of surfaces that are seen through.
         world: how long `normal_world` stays: "kept"; "until released" by `release_world`; or
             "until derived", when `normal` takes its memory over.
-        sides: what `ssdo_sides.Sides` found in the current contents, None if it did not look.
+        sides: what `ssdo_bitmask.closed_sides` found in the current contents, None if it did not look.
         thickness: 1 image, scene units, or None if the contents have none.
         has_facets: whether depths are exact enough to tell a triangle's plane from neighbours':
             those of the rasteriser are.

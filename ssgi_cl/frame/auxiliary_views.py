@@ -15,7 +15,7 @@ from ssgi_cl.frame.skips import same
 from ssgi_cl.rasterize.raster.rasterizer import Rasterizer
 from ssgi_cl.rasterize.raster.shadow_map import light_cameras
 from ssgi_cl.rasterize.raster.view import device_scene
-from ssgi_cl.techniques.ssdo.auxiliary_cameras import auxiliary_cameras
+from ssgi_cl.techniques.ssdo.ssdo_views import auxiliary_cameras
 
 SIZE = 0.5
 """Rows and columns of each camera, in parts of the first one's, by default."""

@@ -1,4 +1,4 @@
-"""Directional occlusion and a bounce from a visibility bitmask in float64, sector by sector."""
+"""Numpy reference of the visibility bitmask of SSDO in float64, sector by sector, and of closed surfaces."""
 
 from __future__ import annotations
 
@@ -14,13 +14,12 @@ from ssgi_cl.reference.ao.bitmask_ao import SECTORS, sector_of, sorted_pair, who
 from ssgi_cl.reference.ao.slices import Scan, Slice, Tap, scanned
 from ssgi_cl.reference.direct.sky import cones_of, looked_up
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView, view_normals
-from ssgi_cl.reference.ssdo.ssdo_sides import sides_of
 
 if TYPE_CHECKING:
     from ssgi_cl.techniques.ssdo.ssdo_bitmask import SsdoBitmaskParams
 
 FIRST = 0.0625
-"""Where the first piece of a side begins if its plane passes below the receiver, px from that."""
+"""Begin of the first piece of a side whose plane passes below the receiver, in px from that."""
 FARTHEST = 0.999
 """`Tap.f` of the farthest end of a piece with a perspective camera."""
 LEAST_N_DOT_V = 0.05
@@ -29,13 +28,13 @@ LEAST_N_DOT_V = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """What a tap stands for, on one side of a slice and in one layer; arrays [rows, columns].
+    """Piece of a surface round a tap, on one side of a slice and in one layer; arrays [rows, columns].
 
     Attributes:
         layer: number.
         tap: in its middle.
-        where: whether it is there and within the radius.
-        least, most: sectors between which it hides.
+        where: whether there is a surface within the radius.
+        least, most: sectors between which it occludes.
         faces: whether the receiver sees the side that the camera sees.
     """
 
@@ -61,7 +60,7 @@ def ssdo_bitmask_reference(
         radiance: [layers, rows, columns, 3] of the G-buffer's arrays, or of twice the layers, those
             of their backs behind those of their fronts.
         sky: map [size, size, 3], as `ssgi_cl.techniques.direct.sky.filtered` returns it.
-        sectors: of a slice; the kernel has 32, many are what it is right for on average.
+        sectors: of a slice. The kernel has 32; with many, the result is the kernel's on average.
     """
     scan, full = scanned(gbuffer, params, params.thickness, params.end, within=True)
     rows, columns = (
@@ -125,12 +124,12 @@ def _irradiance(total: Doubles, whole: Doubles, there: NDArray[np.bool_]) -> Dou
 def pieces(
     scan: Scan, plane: Slice, side: int, slopes: Doubles, sides: Doubles, sectors: int, *, thick: bool
 ) -> Iterator[Piece]:
-    """Give what the taps of a side stand for, from near to far, of each the layers front to back.
+    """Yield the pieces of the taps of a side, from near to far, of each the layers front to back.
 
     Args:
         slopes: [layers, 2, rows, columns] of the scan's arrays, see `slopes_of`.
         sides: [layers, rows, columns] likewise, see `sides_of`.
-        thick: whether surfaces go on behind their front.
+        thick: whether surfaces have a thickness.
     """
     taps = list(scan.taps_of_all_layers(plane, side))
     px = [layers[0].px for layers in taps]
@@ -175,13 +174,13 @@ def pieces(
 
 
 def slopes_of(gbuffer: GBuffer, view: SurfaceView) -> Doubles:
-    """Return [layers, 2, rows, columns]: how 1 / depth (orthographic: depth) changes at each pixel.
+    """Return [layers, 2, rows, columns]: the gradient of 1 / depth (orthographic: of depth).
 
     Per slope of the view ray (orthographic: per scene unit), along columns, then along rows.
-    Layers that have normals lie in the planes across them, none nearer than `LEAST_N_DOT_V` to the
-    view ray. Of the others the difference to that neighbour counts whose own line misses the
-    pixel the least, or the mean of both where they differ no more than those lines bend; 0 without
-    any.
+    Layers with normals have the gradient of their tangent plane, tilted no further than
+    `LEAST_N_DOT_V` from the view ray. The others take the difference to the neighbour whose own
+    line misses the pixel the least, or the mean of both where they differ no more than those lines
+    bend; 0 without neighbours.
     """
     given = (gbuffer.normal, gbuffer.albedo, gbuffer.emission)
     shapes = [np.shape(a) for a in given if a is not None]
@@ -233,11 +232,47 @@ def _slopes_of_depth(gbuffer: GBuffer, view: SurfaceView) -> Doubles:
 
 
 def _at_tap(sent: Doubles, scan: Scan, tap: Tap) -> Doubles:
-    """Return what [rows, columns, n] holds at a tap, 0 outside."""
+    """Return the values of [rows, columns, n] at a tap, 0 outside."""
     rows, columns = sent.shape[:2]
     row = np.floor(scan.row + tap.y / scan.to_y).astype(int)
     column = np.floor(scan.column + tap.x / scan.to_x).astype(int)
     inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
     seen = sent[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)]
     result: Doubles = np.where(inside[..., None], seen, 0.0)
+    return result
+
+
+def sides_of(gbuffer: GBuffer, view: SurfaceView) -> Doubles:
+    """Return [layers, rows, columns]: 1 for the layers that begin a closed object, -1 for those that end it.
+
+    0 elsewhere, and everywhere unless there are several layers, all with attributes.
+    """
+    depths = np.asarray(gbuffer.depth, np.float64).reshape(gbuffer.layers, *view.depth.shape)
+    result: Doubles = np.zeros(depths.shape)
+    given = (gbuffer.normal, gbuffer.albedo, gbuffer.emission)
+    if len(depths) == 1 or all(array is None or np.ndim(array) < 4 for array in given):
+        return result
+    normals = np.zeros((*depths.shape, 3))
+    if gbuffer.normal is not None:
+        of_layers = np.asarray(gbuffer.normal, np.float64).reshape(-1, *view.depth.shape, 3)
+        normals[: len(of_layers)] = of_layers
+    turned = np.stack(
+        [
+            np.sum(view_normals(replace(view, depth=depth), normal) * (normal @ gbuffer.camera.view[:3, :3].T), axis=-1)
+            for depth, normal in zip(depths, normals, strict=True)
+        ]
+    )
+    for row, column in np.argwhere(np.isfinite(depths[0])):
+        begun: list[int] = []
+        found = np.zeros(len(depths))
+        for layer in np.flatnonzero(np.isfinite(depths[:, row, column])).tolist():
+            side = turned[layer, row, column]
+            if side > 0.0:
+                begun.append(layer)
+            elif side == 0.0 or not begun:
+                break
+            else:
+                found[begun.pop()], found[layer] = 1.0, -1.0
+        else:
+            result[:, row, column] = found
     return result

@@ -1,4 +1,4 @@
-"""Directions of SSDO in float64, generated from their definition alone."""
+"""Numpy reference of the direction sets of SSDO in float64, generated from their definition."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 Doubles = NDArray[np.float64]
 
 ROWS, COLUMNS = 16, 4
-"""Of the tile in which no two pixels have the same directions."""
+"""Size of the tile in which no two pixels have the same directions."""
 
 UP, AROUND = 64, 128
-"""Parts of equal area that the sphere is cut into: equal steps of height, and of angle."""
+"""Steps of height and of angle in which the sphere is divided into cells of equal area."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,10 +22,10 @@ class Directions:
 
     Attributes:
         direction: [..., 3] unit vectors, world space; each stands for its opposite too.
-        length: a number in (0, 1) for each, that places its taps.
+        length: in (0, 1): the position of the taps.
         solid_angle: of either side, steradians.
-        light: [..., 2, 3] the sky's irradiance on a plane across the direction, and across its
-            opposite, from all that is nearest to it, W/m^2; None without a sky.
+        light: [..., 2, 3] integral of the sky's radiance over the cells that are nearest to the
+            direction, and to its opposite, W/m^2; None without a sky.
     """
 
     direction: Doubles
@@ -35,12 +35,12 @@ class Directions:
 
 
 def directions(count: int, sky: Doubles | None = None, *, equal: bool = False) -> Directions:
-    """Return the directions of all pixels of the tile, one after the other.
+    """Return the directions of all pixels of the tile, computed one after the other.
 
     Args:
         count: of each pixel.
         sky: [rows, columns, 3] radiance by latitude and longitude, or None.
-        equal: whether all lie evenly and stand for 2 pi / count.
+        equal: whether all are evenly distributed, each with the solid angle 2 pi / count.
     """
     flux = np.zeros((UP, AROUND, 3)) if sky is None else _flux(sky)
     density = np.ones((UP // 2, AROUND))
@@ -80,7 +80,7 @@ def directions(count: int, sky: Doubles | None = None, *, equal: bool = False) -
 
 
 def _bayer(row: int, column: int) -> int:
-    """Return the place of a pixel in Bayer's order of 4 x 4."""
+    """Return the number of a pixel in Bayer's order of 4 x 4."""
     two = ((0, 2), (3, 1))
     return 4 * two[row % 2][column % 2] + two[row // 2][column // 2]
 
@@ -93,7 +93,7 @@ def _root_of_r3() -> float:
 
 
 def _placed(density: Doubles, u: float, v: float) -> Doubles:
-    """Return the direction of the upper half that u, v in [0, 1) stand for under a density."""
+    """Return the direction of the upper hemisphere that u, v in [0, 1) sample from a density."""
     rows = density.sum(axis=1)
     row, up = _found(rows, u)
     column, along = _found(density[row], v)
@@ -102,7 +102,7 @@ def _placed(density: Doubles, u: float, v: float) -> Doubles:
 
 
 def _found(weights: Doubles, u: float) -> tuple[int, float]:
-    """Return the element in which a share u of the sum lies, and how far into it."""
+    """Return the element at which the cumulative sum reaches the fraction u, and how far into it."""
     left = u * float(weights.sum())
     for number, weight in enumerate(weights.tolist()):
         if left < weight:
@@ -118,9 +118,9 @@ def _towards(up: Doubles, turn: Doubles) -> Doubles:
 
 
 def _flux(sky: Doubles) -> Doubles:
-    """Return [64, 128, 3]: radiance times solid angle of each part of the sphere, W/m^2.
+    """Return [64, 128, 3]: radiance times solid angle of each cell of the sphere, W/m^2.
 
-    Texels are cut into pieces of at most half a part, each counted where its middle lies.
+    Texels are divided into pieces of at most half a cell, each counted in the cell of its centre.
     """
     height, width, _ = sky.shape
     down, across = -(-2 * UP // height), -(-2 * AROUND // width)

@@ -1,8 +1,9 @@
-"""SSDO from directions in float64, as defined in `ssgi_cl.techniques.ssdo.ssdo_points`."""
+"""Numpy reference of directions of SSDO in float64, see `ssgi_cl.techniques.ssdo.ssdo_points`."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
-from ssgi_cl.reference.ssdo.ssdo_directions import Directions, directions
+from ssgi_cl.reference.ssdo.ssdo_directions import directions
 
 if TYPE_CHECKING:
     from ssgi_cl.techniques.ssdo.ssdo_points import PointsParams
@@ -18,18 +19,18 @@ if TYPE_CHECKING:
 Masks = NDArray[np.bool_]
 
 NEAREST = 1e-3
-"""Points nearer to the eye than this share of the receiver's depth are not looked up."""
+"""Least depth of points that are looked up, in parts of the receiver's depth or of the radius."""
 DEPTH_ROUNDING = 2e-6
-"""Height above the tangent plane that rounding of a depth may make, in parts of the depth."""
+"""Error of the height above the tangent plane by rounding of a depth, in parts of the depth."""
 AGREE = 0.05
-"""Of two points of a ray that are one, in parts of the distance."""
+"""Largest distance of two intersections that count as one, in parts of the distance along the ray."""
 FADE = 0.8
-"""Of the radius: what lies beyond fades out (published)."""
+"""Distance from which occlusion fades out, in radii (published)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Gathered:
-    """What a pixel gathers, each [rows, columns, ...] without margin.
+    """Results of pixels, each [rows, columns, ...] without margin.
 
     Attributes:
         visibility: A in [0, 1], 1 where nothing is.
@@ -46,7 +47,7 @@ class Gathered:
 
 @dataclass(frozen=True, eq=False)
 class Receivers:
-    """Where directions start, in the view space of the camera whose layers are read."""
+    """Origins of directions, in the view space of the camera whose layers are read."""
 
     there: Masks
     active: Masks
@@ -57,8 +58,27 @@ class Receivers:
 
 
 @dataclass(frozen=True, eq=False)
+class Ray:
+    """One direction of each receiver.
+
+    Attributes:
+        way: [rows, columns, 3] unit length, view space.
+        cosine: to the receiver's normal.
+        length: in (0, 1): the position of the taps.
+        solid_angle: steradians.
+        sky: [rows, columns, 3] irradiance by the sky's image, W/m^2, or None.
+    """
+
+    way: Doubles
+    cosine: Doubles
+    length: Doubles
+    solid_angle: Doubles
+    sky: Doubles | None
+
+
+@dataclass(frozen=True, eq=False)
 class Hit:
-    """What directions [rows, columns] meet: the share that is hidden, irradiance, W/m^2."""
+    """Occlusion of directions [rows, columns] in [0, 1], and irradiance, W/m^2."""
 
     hides: Doubles
     arriving: Doubles
@@ -66,7 +86,7 @@ class Hit:
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """What a camera sees.
+    """Contents of a camera's G-buffer.
 
     Attributes:
         layers: its depth layers.
@@ -89,7 +109,7 @@ def ssdo_points_reference(
     radiance: ArrayLike | None = None,
     sky: ArrayLike | None = None,
 ) -> Gathered:
-    """Return what each step-th pixel gathers; the model of the kernel.
+    """Return the results of each step-th pixel.
 
     Args:
         gbuffer: depth of any number of layers, normals of as many or of the front one.
@@ -98,20 +118,52 @@ def ssdo_points_reference(
         radiance: [layers, rows, columns, 3] with margin, of the layers that send light, or None.
         sky: [rows, columns, 3], a latitude-longitude image, or None.
     """
-    camera = camera_of(gbuffer, radiance)
-    at = receivers(camera.layers[0], params, step)
+    camera = _camera(gbuffer, radiance)
+    at = receivers(camera.layers[0], params.radius, params.max_radius_px, step, params.bias)
     shape = at.there.shape
-    before = Gathered(
-        np.ones(shape),
-        sky_irradiance(gbuffer, at, params, sky),
-        np.zeros((*shape, 3)),
-        np.zeros((params.samples, *shape), bool),
-    )
+    light = np.zeros((*shape, 3))
+    for ray in _rays(gbuffer, at, params, sky):
+        light += 0.0 if ray.sky is None else ray.sky
+    before = Gathered(np.ones(shape), light, np.zeros((*shape, 3)), np.zeros((params.samples, *shape), bool))
     nearest = NEAREST * -at.position[..., 2]
-    return gathered(gbuffer, at, before, camera, at, np.eye(3), nearest, params, sky)
+    return _gathered(gbuffer, at, before, camera, at, np.eye(3), nearest, params, sky)
 
 
-def gathered(
+def ssdo_point_views_reference(
+    gbuffer: GBuffer,
+    before: Gathered,
+    other: GBuffer,
+    radiance: ArrayLike | None,
+    params: PointsParams,
+    *,
+    step: int = 1,
+    sky: ArrayLike | None = None,
+) -> Gathered:
+    """Return the results of each step-th pixel after an auxiliary camera.
+
+    Args:
+        gbuffer: what the first camera sees.
+        before: the result of `ssdo_points_reference`, or of this for another camera.
+        other: what the auxiliary camera sees.
+        radiance: [layers, rows, columns, 3] of it with margin, or None.
+        params: see `PointsParams`.
+        step: 1, 2 or 4.
+        sky: [rows, columns, 3], the image that `before` was made with, or None.
+    """
+    own = receivers(layers_of(gbuffer)[0], params.radius, params.max_radius_px, step, params.bias)
+    turn, shift = transform(gbuffer, other)
+    seen = replace(own, position=own.position @ turn.T + shift, normal=own.normal @ turn.T)
+    camera = _camera(other, radiance, auxiliary=True)
+    return _gathered(gbuffer, own, before, camera, seen, turn, NEAREST * params.radius, params, sky)
+
+
+def transform(gbuffer: GBuffer, other: GBuffer) -> tuple[Doubles, Doubles]:
+    """Return rotation [3, 3] and translation [3] from one camera's view space to another's."""
+    turn = other.camera.view[:3, :3] @ gbuffer.camera.view[:3, :3].T
+    return turn, other.camera.view[:3, 3] - turn @ gbuffer.camera.view[:3, 3]
+
+
+def _gathered(
     gbuffer: GBuffer,
     at: Receivers,
     before: Gathered,
@@ -122,34 +174,32 @@ def gathered(
     params: PointsParams,
     sky: ArrayLike | None,
 ) -> Gathered:
-    """Return what is gathered when directions that met nothing meet what a camera sees.
+    """Return the results after the unoccluded directions are traced in a camera's G-buffer.
 
     Args:
         gbuffer: of the first camera.
         at: its receivers.
-        before: what they gathered from other cameras.
-        camera: what it sees.
+        before: their results with the cameras so far.
+        camera: the camera to trace in.
         seen: the receivers in its view space.
         turn: [3, 3] from the first camera's view space to its.
-        nearest: depth of a point up to which it isn't looked up.
+        nearest: least depth of points that are looked up.
         params, sky: see `ssdo_points_reference`.
     """
     hidden, total = np.zeros(at.there.shape), np.zeros(at.there.shape)
     light, bounce = before.sky.copy(), np.zeros(before.bounce.shape)
     met = before.met.copy()
-    chosen = _directions(params, sky)
-    for number in range(params.samples):
-        way, cosine, length, solid_angle, side = _direction(gbuffer, at, chosen, number)
+    search = _tap if params.method == "published" else _traced
+    for number, ray in enumerate(_rays(gbuffer, at, params, sky)):
         open_ = at.active & ~before.met[number]
-        search = _tap if params.method == "published" else _ray
-        hit = search(camera, seen, way @ turn.T, cosine, length, solid_angle, open_, nearest, params)
-        weight = solid_angle * cosine
+        hit = search(camera, seen, replace(ray, way=ray.way @ turn.T), open_, nearest, params)
+        weight = ray.solid_angle * ray.cosine
         hidden += weight * hit.hides
         total += weight
         bounce += hit.arriving
         met[number] |= hit.hides > 0.0
-        if side is not None:
-            light -= side * hit.hides[..., None]
+        if ray.sky is not None:
+            light -= ray.sky * hit.hides[..., None]
     total = np.maximum(total, 1e-30)
     if params.method != "published":
         bounce = bounce * (np.pi / total)[..., None]
@@ -163,19 +213,7 @@ def gathered(
     )
 
 
-def sky_irradiance(gbuffer: GBuffer, at: Receivers, params: PointsParams, sky: ArrayLike | None) -> Doubles:
-    """Return [rows, columns, 3]: the sky's irradiance where nothing hides it, W/m^2."""
-    result = np.zeros((*at.there.shape, 3))
-    if sky is not None:
-        chosen = _directions(params, sky)
-        for number in range(params.samples):
-            side = _direction(gbuffer, at, chosen, number)[4]
-            result += 0.0 if side is None else side
-    return result
-
-
-def camera_of(gbuffer: GBuffer, radiance: ArrayLike | None, *, auxiliary: bool = False) -> Camera:
-    """Return what a G-buffer's camera sees."""
+def _camera(gbuffer: GBuffer, radiance: ArrayLike | None, *, auxiliary: bool = False) -> Camera:
     sent = None if radiance is None else np.asarray(radiance, np.float64)
     return Camera(layers_of(gbuffer), gbuffer.first("thickness"), sent, auxiliary)
 
@@ -195,53 +233,49 @@ def layers_of(gbuffer: GBuffer) -> list[SurfaceView]:
     return views
 
 
-def receivers(view: SurfaceView, params: PointsParams, step: int) -> Receivers:
-    """Return every step-th pixel."""
+def receivers(view: SurfaceView, reach: float, most_px: float, step: int = 1, bias: float = 0.0) -> Receivers:
+    """Return every step-th pixel, with the radius `reach` of at most `most_px`; `bias` is in radii."""
     row, column = (view.inner(centre)[::step, ::step] for centre in view.centres())
     depth = view.inner(view.depth)[::step, ::step]
     there = np.isfinite(depth)
     depth = np.where(there, depth, 1.0)
-    wanted_px = params.radius * view.pixels_per_unit(depth)
-    shrink = np.minimum(params.max_radius_px / wanted_px, 1.0)
-    radius = params.radius * shrink
+    wanted_px = reach * view.pixels_per_unit(depth)
+    shrink = np.minimum(most_px / wanted_px, 1.0)
+    radius = reach * shrink
     return Receivers(
         there=there,
         active=there & (wanted_px * shrink >= step),
         position=view.position(row, column, depth),
         normal=view.inner(view.normal)[::step, ::step],
         radius=radius,
-        floor=params.bias * radius + DEPTH_ROUNDING * depth,
+        floor=bias * radius + DEPTH_ROUNDING * depth,
     )
 
 
-def _directions(params: PointsParams, sky: ArrayLike | None) -> Directions:
+def _rays(gbuffer: GBuffer, at: Receivers, params: PointsParams, sky: ArrayLike | None) -> Iterator[Ray]:
+    """Yield the directions of all receivers, one for each after the other."""
     image = None if sky is None else np.asarray(sky, np.float64)
-    return directions(params.samples, image, equal=params.method == "published")
-
-
-def _direction(
-    gbuffer: GBuffer, at: Receivers, chosen: Directions, number: int
-) -> tuple[Doubles, Doubles, Doubles, Doubles, Doubles | None]:
-    """Return direction (view space), cosine, length, solid angle and the sky's irradiance."""
+    chosen = directions(params.samples, image, equal=params.method == "published")
     y, x = np.indices(at.there.shape)
-    place = y % 16, x % 4, number
-    way = chosen.direction[place] @ gbuffer.camera.view[:3, :3].T
-    cosine = np.sum(way * at.normal, axis=-1)
-    away = (cosine < 0.0)[..., None]
-    side = None
-    if chosen.light is not None:
-        both = chosen.light[place] * np.abs(cosine)[..., None, None]
-        side = np.where(away, both[..., 1, :], both[..., 0, :])
-    way = np.where(away, -way, way)
-    return way, np.abs(cosine), chosen.length[place], chosen.solid_angle[place], side
+    for number in range(params.samples):
+        place = y % 16, x % 4, number
+        way = chosen.direction[place] @ gbuffer.camera.view[:3, :3].T
+        cosine = np.sum(way * at.normal, axis=-1)
+        away = (cosine < 0.0)[..., None]
+        light = None
+        if chosen.light is not None:
+            both = chosen.light[place] * np.abs(cosine)[..., None, None]
+            light = np.where(away, both[..., 1, :], both[..., 0, :])
+        way = np.where(away, -way, way)
+        yield Ray(way, np.abs(cosine), chosen.length[place], chosen.solid_angle[place], light)
 
 
-def _pixel(
+def pixel_of(
     view: SurfaceView, point: Doubles, nearest: Doubles | float, *, beside: bool = False
 ) -> tuple[Masks, NDArray[np.int_], NDArray[np.int_]]:
-    """Return whether points are in the image, and row and column.
+    """Return whether points are in the image, and their rows and columns.
 
-    With `beside` those of the nearest pixel that shares a corner with that of the point.
+    With `beside`, rows and columns of the nearest pixel that shares a corner with the point's own.
     """
     visible = -point[..., 2] > nearest
     row, column = view.pixel(np.where(visible[..., None], point, [0.0, 0.0, -1.0]))
@@ -256,38 +290,31 @@ def _pixel(
 
 
 def _surface(view: SurfaceView, row: NDArray[np.int_], column: NDArray[np.int_]) -> Doubles:
-    """Return the points that the middles of pixels show; anything where nothing is."""
+    """Return the surface points at pixel centres; undefined where nothing is."""
     depth = view.depth[row, column]
     y, x = row.astype(np.float64) + 0.5, column.astype(np.float64) + 0.5
     return view.position(y, x, np.where(np.isfinite(depth), depth, 1.0))
 
 
 def _cut(
-    view: SurfaceView,
-    at: Receivers,
-    way: Doubles,
-    cosine: Doubles,
-    t: Doubles,
-    nearest: Doubles | float,
-    *,
-    beside: bool = False,
+    view: SurfaceView, at: Receivers, ray: Ray, t: Doubles, nearest: Doubles | float, *, beside: bool = False
 ) -> tuple[Masks, Masks, Doubles, Doubles, Doubles, NDArray[np.int_], NDArray[np.int_]]:
-    """Cut rays by the tangent planes of the pixels that show their points at t.
+    """Intersect rays with the tangent planes of the pixels that show their points at t.
 
     Returns:
-        Whether the image has something there; whether the ray is cut within the radius and above
-        the floor; where; the receiver's height above the plane; how far the point lies behind it
-        along the view ray; row and column.
+        Whether there is a surface at the pixel; whether the intersection lies within the radius and
+        above the floor; its distance; the receiver's height above the plane; the distance of the
+        point behind the plane along the view ray; row and column.
     """
-    point = at.position + t[..., None] * way
-    inside, row, column = _pixel(view, point, nearest, beside=beside)
+    point = at.position + t[..., None] * ray.way
+    inside, row, column = pixel_of(view, point, nearest, beside=beside)
     there = inside & np.isfinite(view.depth[row, column])
     surface, normal = _surface(view, row, column), view.normal[row, column]
     height = np.sum((at.position - surface) * normal, axis=-1)
-    along = np.sum(way * normal, axis=-1)
+    along = np.sum(ray.way * normal, axis=-1)
     with np.errstate(divide="ignore", invalid="ignore"):
         where = -height / along
-        ok = there & (where > 0.0) & (where <= at.radius) & (where * cosine > at.floor)
+        ok = there & (where > 0.0) & (where <= at.radius) & (where * ray.cosine > at.floor)
     view_ray = point / np.maximum(-point[..., 2:], 1e-30)
     if view.camera.is_orthographic:
         view_ray = np.broadcast_to([0.0, 0.0, -1.0], point.shape)
@@ -296,67 +323,49 @@ def _cut(
     return there, ok, where, height, gap, row, column
 
 
-def _ray(
-    camera: Camera,
-    at: Receivers,
-    way: Doubles,
-    cosine: Doubles,
-    length: Doubles,
-    solid_angle: Doubles,
-    open_: Masks,
-    nearest: Doubles | float,
-    params: PointsParams,
+def _traced(
+    camera: Camera, at: Receivers, ray: Ray, open_: Masks, nearest: Doubles | float, params: PointsParams
 ) -> Hit:
-    """Return the nearest point of each ray at which a surface agrees to be cut."""
-    best = np.full(cosine.shape, np.inf)
-    arriving = np.zeros((*cosine.shape, 3))
+    """Return the nearest intersection of each ray that a second tangent plane confirms."""
+    best = np.full(ray.cosine.shape, np.inf)
+    arriving = np.zeros((*ray.cosine.shape, 3))
     for tap in range(params.taps):
-        t = at.radius * ((length + tap) / params.taps) ** 1.5
+        t = at.radius * ((ray.length + tap) / params.taps) ** 1.5
         looks = open_ & (t < best)
         for number, view in enumerate(camera.layers):
-            there, ok, next_, height, gap, row, column = _cut(view, at, way, cosine, t, nearest)
+            there, ok, next_, height, gap, row, column = _cut(view, at, ray, t, nearest)
             next_ = np.where(ok, next_, at.radius)
-            _, again, second, next_height, _, next_row, next_column = _cut(view, at, way, cosine, next_, nearest)
+            _, again, second, next_height, _, next_row, next_column = _cut(view, at, ray, next_, nearest)
             with np.errstate(invalid="ignore"):
                 found = looks & ok & again & (np.abs(second - next_) <= AGREE * second)
             if camera.auxiliary:
-                _, also, side, *_ = _cut(view, at, way, cosine, next_, nearest, beside=True)
+                _, also, side, *_ = _cut(view, at, ray, next_, nearest, beside=True)
                 with np.errstate(invalid="ignore"):
                     found &= also & (np.abs(side - next_) <= AGREE * side)
             thick = params.thickness * at.radius
             if camera.thickness is not None and number == 0:
                 thick = camera.thickness[row, column].astype(np.float64)
-            behind = looks & there & (gap > 0.0) & (gap < thick) & (t * cosine > at.floor)
+            behind = looks & there & (gap > 0.0) & (gap < thick) & (t * ray.cosine > at.floor)
             where = np.where(found, second, np.where(behind, t, np.inf))
             height = np.where(found, next_height, height)
             row, column = np.where(found, next_row, row), np.where(found, next_column, column)
             nearer = where < best
             best = np.where(nearer, where, best)
-            light = np.zeros((*cosine.shape, 3))
+            light = np.zeros((*ray.cosine.shape, 3))
             if camera.radiance is not None and number < len(camera.radiance):
-                amount = np.where(height > 0.0, solid_angle * cosine, 0.0)
+                amount = np.where(height > 0.0, ray.solid_angle * ray.cosine, 0.0)
                 light = amount[..., None] * camera.radiance[number][row, column]
             arriving = np.where(nearer[..., None], light, arriving)
     return Hit(np.isfinite(best).astype(np.float64), arriving)
 
 
-def _tap(
-    camera: Camera,
-    at: Receivers,
-    way: Doubles,
-    cosine: Doubles,
-    length: Doubles,
-    solid_angle: Doubles,
-    open_: Masks,
-    nearest: Doubles | float,
-    params: PointsParams,
-) -> Hit:
-    """Return what one tap of each direction finds: Ritschel, Grosch and Seidel 2009, section 4."""
+def _tap(camera: Camera, at: Receivers, ray: Ray, open_: Masks, nearest: Doubles | float, params: PointsParams) -> Hit:
+    """Return the hit of one tap of each direction: Ritschel, Grosch and Seidel 2009, section 4."""
     front = camera.layers[0]
-    tap = at.position + (length * at.radius)[..., None] * way
-    inside, row, column = _pixel(front, tap, nearest)
+    tap = at.position + (ray.length * at.radius)[..., None] * ray.way
+    inside, row, column = pixel_of(front, tap, nearest)
     depth = -tap[..., 2]
-    hides, arriving = np.zeros(cosine.shape), np.zeros((*cosine.shape, 3))
+    hides, arriving = np.zeros(ray.cosine.shape), np.zeros((*ray.cosine.shape, 3))
     for number in range(0, len(camera.layers), 2):
         view = camera.layers[number]
         within = open_ & inside & (depth > view.depth[row, column])
@@ -370,7 +379,7 @@ def _tap(
         fade = u * u * (3.0 - 2.0 * u)
         hit = within & (height > at.floor)
         hides = np.where(hit, fade, hides)
-        light = np.zeros((*cosine.shape, 3))
+        light = np.zeros((*ray.cosine.shape, 3))
         if camera.radiance is not None and number < len(camera.radiance):
             area = params.strength * np.pi * at.radius**2 / params.samples
             form_factor = area * (height / distance) * (np.maximum(sender_height, 0.0) / distance)

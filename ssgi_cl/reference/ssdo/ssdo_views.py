@@ -1,9 +1,10 @@
-"""Auxiliary cameras of SSDO in float64, as defined in `ssgi_cl.techniques.ssdo.ssdo_views`."""
+"""Numpy reference of auxiliary cameras of SSDO in float64, see `ssgi_cl.techniques.ssdo.ssdo_views`."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
 from ssgi_cl.reference.patterns import slice_pattern
+from ssgi_cl.reference.ssdo.ssdo_points import NEAREST, Receivers, layers_of, pixel_of, receivers, transform
 
 if TYPE_CHECKING:
     from ssgi_cl.techniques.ao.slices import SliceParams
@@ -21,22 +23,24 @@ DEPTH_BIAS = 4e-6
 """Bias relative to depth: roundings of float32 positions in two view spaces, 2^-24 each."""
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 BEFORE = 2.0
-"""Pixels from the receiver to where distances of taps grow from."""
+"""Distance before the receiver, in pixels, at which the distances of taps begin to grow."""
 FINEST = 2.0**-10
-"""Radii: a pixel that is less wide counts as one that wide."""
+"""Least width of a pixel, in radii."""
 LEAST_N_DOT_V = 0.05
 """Cosine between normal and view ray that a grazing or averted normal is taken to have."""
+ALIKE = 0.5
+"""Least cosine between the normals of one surface."""
 
 
 @dataclass(frozen=True, eq=False)
 class Added:
-    """What a auxiliary camera adds.
+    """Contribution of an auxiliary camera.
 
     Attributes:
-        hidden: [rows, columns] what A loses.
+        hidden: [rows, columns] decrease of A.
         bounce: [rows, columns, 3] irradiance, W/m^2.
         masks: [2 slices, rows, columns] uint32, a bit for each covered sector, old and new, and
-            for each of them whose sender is unknown still.
+            for each of them whose sender is still unknown.
     """
 
     hidden: Doubles
@@ -52,10 +56,7 @@ class _Other:
     depth: Doubles  # [layers, rows, columns]
     normal: Doubles  # [layers that have normals, rows, columns, 3]
     radiance: Doubles
-    position: Doubles
-    receiver_normal: Doubles
-    floor: Doubles
-    radius: Doubles
+    at: Receivers
     pixel: Doubles  # width of one at the receivers
 
 
@@ -70,7 +71,7 @@ def ssdo_views_reference(
     step: int = 1,
     unseen: Doubles | None = None,
 ) -> Added:
-    """Return what a auxiliary camera adds to the bitmask of every `step`-th pixel.
+    """Return the contribution of an auxiliary camera to the bitmask of every `step`-th pixel.
 
     Args:
         gbuffer: what the first camera sees.
@@ -87,39 +88,34 @@ def ssdo_views_reference(
     view = SurfaceView.of(gbuffer)
     view = view.reduced(step) if step > 1 else view
     row, column = (view.inner(centre) for centre in view.centres())
-    depth = view.inner(view.depth)
-    there = np.isfinite(depth)
-    depth = np.where(there, depth, 1.0)
-    position, normal = view.position(row, column, depth), view.inner(view.normal)
-    wanted_px = slices.radius * view.pixels_per_unit(depth)
-    shrink = np.minimum(slices.max_radius_px / step / wanted_px, 1.0)
-    active = there & (wanted_px * shrink >= 1.0)
-    radius = slices.radius * shrink
-    further = _other(gbuffer, other, unseen, radiance, position, normal, depth, radius, slices, params)
-    turn = other.camera.view[:3, :3] @ gbuffer.camera.view[:3, :3].T
-    tile_row, tile_column = np.indices(depth.shape)
+    at = receivers(view, slices.radius, slices.max_radius_px / step)
+    turn, shift = transform(gbuffer, other)
+    seen = replace(at, position=at.position @ turn.T + shift, normal=at.normal @ turn.T)
+    further = _other(other, unseen, radiance, seen, -at.position[..., 2], slices.radius, params)
+    shape = at.there.shape
+    tile_row, tile_column = np.indices(shape)
     made = slice_pattern(slices)
     eye = _to_eye(view, row, column)
-    hidden, total = np.zeros(depth.shape), np.full(depth.shape, 1e-30)
-    bounce, result = np.zeros((*depth.shape, 3)), masks.copy()
+    hidden, total = np.zeros(shape), np.full(shape, 1e-30)
+    bounce, result = np.zeros((*shape, 3)), masks.copy()
     for s in range(slices.slices):
         angle = made.angle[tile_row % 4, tile_column % 4, s]
         dither = made.dither[tile_row % 4, tile_column % 4, s]
-        slice_ = _Slice(view, eye, angle, normal)
+        slice_ = _Slice(view, eye, angle, at.normal)
         total += slice_.share
-        start, first = np.zeros(depth.shape, int), np.zeros(depth.shape)
+        start, first = np.zeros(shape, int), np.zeros(shape)
         for j in range(params.strata):
             low, high = (2.0 * n / params.strata - 1.0 for n in (j, j + 1))
-            end = slice_.sector(high) if j + 1 < params.strata else np.full(depth.shape, 32.0)
+            end = slice_.sector(high) if j + 1 < params.strata else np.full(shape, 32.0)
             stop = np.clip(end + dither, 0.0, 32.0).astype(int)
-            stop = stop if j + 1 < params.strata else np.full(depth.shape, 32)
+            stop = stop if j + 1 < params.strata else np.full(shape, 32)
             number = np.arange(32)
             free = (number >= start[..., None]) & (number < stop[..., None])
             known = masks[s] & ~masks[slices.slices + s]
             free &= (known[..., None] >> number.astype(np.uint32)) & 1 == 0
-            free &= active[..., None]
-            shift = np.mod(7.0 * dither + np.float32(s * params.strata + j) * GOLDEN, 1.0)
-            place = np.minimum(start + (shift * (stop - start)).astype(int), 31)
+            free &= at.active[..., None]
+            offset = np.mod(7.0 * dither + np.float32(s * params.strata + j) * GOLDEN, 1.0)
+            place = np.minimum(start + (offset * (stop - start)).astype(int), 31)
             later = free & (number >= place[..., None])
             later = np.where(later.any(axis=-1, keepdims=True), later, free)
             chosen = np.argmax(later, axis=-1)
@@ -127,7 +123,7 @@ def ssdo_views_reference(
             sine = low + np.clip(part, 0.0, 1.0) * (high - low)
             way = slice_.direction(eye, sine) @ turn.T
             open_ = np.any(free, axis=-1)
-            hit, light = _march(further, way, open_, shift, slices, params)
+            hit, light = _march(further, way, open_, offset, slices.radius, params)
             count = free.sum(axis=-1)
             fresh = free & ((masks[s][..., None] >> number.astype(np.uint32)) & 1 == 0)
             hidden += np.where(hit, slice_.share * fresh.sum(axis=-1) / 32.0, 0.0)
@@ -141,7 +137,7 @@ def ssdo_views_reference(
 
 
 class _Slice:
-    """A slice of each receiver, and the measure of its directions."""
+    """Slice of each receiver, and the cosine-weighted measure of its directions."""
 
     def __init__(self, view: SurfaceView, eye: Doubles, angle: Doubles, normal: Doubles) -> None:
         to_x, to_y, _, _ = view.camera.pixel_to_view
@@ -163,24 +159,24 @@ class _Slice:
         self.share = (to_x * view.step) ** 2 / width * projected * whole
 
     def _measure(self, cosine: Doubles, sine: Doubles) -> Doubles:
-        """Return the measure from the view ray to a direction."""
+        """Return the measure from the view ray to a direction at an angle of this cosine and sine."""
         flat = np.abs(sine)
         turned = np.arccos(np.clip(cosine, -1.0, 1.0)) - flat * cosine
         result: Doubles = 0.5 * (self.cosine * flat * sine + self.sine * turned)
         return result
 
     def _turned(self, sine: Doubles | float) -> tuple[Doubles, Doubles]:
-        """Return cosine and sine from the view ray of one with a sine from the normal."""
+        """Return cosine and sine to the view ray of a direction with a sine to the normal."""
         cosine = np.sqrt(np.maximum(1.0 - np.asarray(sine) ** 2, 0.0))
         return self.cosine * cosine - self.sine * sine, self.cosine * sine + self.sine * cosine
 
     def sector(self, sine: float) -> Doubles:
-        """Return the sector, not rounded, of a direction with a sine from the normal."""
+        """Return the sector, not rounded, of a direction with a sine to the normal."""
         result: Doubles = (self._measure(*self._turned(sine)) - self.first) * self.scale
         return result
 
     def direction(self, eye: Doubles, sine: Doubles) -> Doubles:
-        """Return such a direction [..., 3], view space."""
+        """Return the direction [..., 3] with a sine to the normal, view space."""
         cosine, sine = self._turned(sine)
         result: Doubles = cosine[..., None] * eye + sine[..., None] * self.across
         return result
@@ -196,80 +192,57 @@ def _to_eye(view: SurfaceView, row: Doubles, column: Doubles) -> Doubles:
 
 
 def _other(
-    gbuffer: GBuffer,
     other: GBuffer,
     unseen: Doubles | None,
     radiance: NDArray[np.float64],
-    position: Doubles,
-    normal: Doubles,
+    seen: Receivers,
     depth: Doubles,
-    radius: Doubles,
-    slices: SliceParams,
+    reach: float,
     params: ViewsParams,
 ) -> _Other:
-    turn = other.camera.view[:3, :3] @ gbuffer.camera.view[:3, :3].T
-    shift = other.camera.view[:3, 3] - turn @ gbuffer.camera.view[:3, 3]
-    layers = np.asarray(other.depth, np.float64)
-    layers = layers if layers.ndim == 3 else layers[None]
-    given = np.asarray(other.normal)
-    given = given if given.ndim == 4 else given[None]
-    views = [
-        SurfaceView.of(GBuffer(camera=other.camera, depth=layer.astype(np.float32), normal=facing))
-        for layer, facing in zip(layers, given, strict=False)
-    ]
-    place = position @ turn.T + shift
+    """Return the auxiliary camera's image; `seen` are the receivers, `depth` to the first camera."""
+    views = layers_of(other)
+    normals = len(views) if np.asarray(other.normal).ndim == 4 else 1
     to_x, to_y, _, _ = other.camera.pixel_to_view
-    ahead = 1.0 if other.camera.is_orthographic else np.maximum(-place[..., 2], 1e-3 * slices.radius)
-    pixel = np.maximum(FINEST * radius, max(abs(to_x), abs(to_y)) * ahead)
+    ahead = 1.0 if other.camera.is_orthographic else np.maximum(-seen.position[..., 2], NEAREST * reach)
+    pixel = np.maximum(FINEST * seen.radius, max(abs(to_x), abs(to_y)) * ahead)
     return _Other(
         view=views[0],
-        depth=layers if unseen is None else unseen,
-        normal=np.stack([view.normal for view in views]),
+        depth=np.stack([view.depth for view in views]) if unseen is None else unseen,
+        normal=np.stack([view.normal for view in views[:normals]]),
         radiance=np.asarray(radiance, np.float64),
-        position=place,
-        receiver_normal=normal @ turn.T,
-        floor=params.bias * pixel + DEPTH_BIAS * depth,
-        radius=radius,
+        at=replace(seen, floor=params.bias * pixel + DEPTH_BIAS * depth),
         pixel=pixel,
     )
 
 
-def _pixel(other: _Other, point: Doubles, reach: float) -> tuple[NDArray[np.bool_], NDArray[np.int_], NDArray[np.int_]]:
-    """Return whether points are seen, and the row and column of their pixels."""
-    ahead = -point[..., 2] > 1e-3 * reach
-    row, column = other.view.pixel(np.where(ahead[..., None], point, [0.0, 0.0, -1.0]))
-    rows, columns = other.view.depth.shape
-    inside = ahead & (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
-    return (inside, np.clip(row, 0, rows - 1).astype(int), np.clip(column, 0, columns - 1).astype(int))
-
-
 def _march(
-    other: _Other, way: Doubles, open_: NDArray[np.bool_], shift: Doubles, slices: SliceParams, params: ViewsParams
+    other: _Other, way: Doubles, open_: NDArray[np.bool_], offset: Doubles, reach: float, params: ViewsParams
 ) -> tuple[NDArray[np.bool_], Doubles]:
-    """Return where a surface is met on the way, and the radiance that comes from it."""
+    """Return where directions meet a surface, and its radiance."""
     met, light = np.zeros(open_.shape, bool), np.zeros((*open_.shape, 3))
     apart = BEFORE * other.pixel
-    growth = (1.0 + other.radius / apart) ** (1.0 / params.taps)
+    growth = (1.0 + other.at.radius / apart) ** (1.0 / params.taps)
     near = np.zeros(open_.shape)
     for tap in range(params.taps):
-        grown = apart * growth ** (tap + shift)
-        far = grown * np.sqrt(growth) - apart if tap + 1 < params.taps else other.radius
-        point = other.position + (grown - apart)[..., None] * way
-        inside, row, column = _pixel(other, point, slices.radius)
+        grown = apart * growth ** (tap + offset)
+        far = grown * np.sqrt(growth) - apart if tap + 1 < params.taps else other.at.radius
+        point = other.at.position + (grown - apart)[..., None] * way
+        inside, row, column = pixel_of(other.view, point, NEAREST * reach)
         centre = row.astype(np.float64) + 0.5, column.astype(np.float64) + 0.5
         nearest, sent = np.full(open_.shape, np.inf), np.zeros((*open_.shape, 3))
         for layer, depth in enumerate(other.depth):
             front = depth[row, column]
             there = open_ & ~met & inside & np.isfinite(front)
             surface = other.view.position(*centre, np.where(there, front, 1.0))
-            height = np.sum((surface - other.position) * other.receiver_normal, axis=-1)
+            height = np.sum((surface - other.at.position) * other.at.normal, axis=-1)
             facing = np.array([0.0, 0.0, 1.0])
             if layer < len(other.normal):
                 facing = other.normal[layer, row, column]
             # Where the ray meets the tap's tangent plane.
-            away = np.sum((surface - other.position) * facing, axis=-1)
+            away = np.sum((surface - other.at.position) * facing, axis=-1)
             speed = np.sum(way * facing, axis=-1)
-            crosses = there & (height > other.floor) & (speed != 0.0)
+            crosses = there & (height > other.at.floor) & (speed != 0.0)
             distance = away / np.where(crosses, speed, 1.0)
             hit = crosses & (distance >= near) & (distance < far) & (distance < nearest)
             nearest = np.where(hit, distance, nearest)
@@ -282,3 +255,49 @@ def _march(
         met |= hit
         near = far
     return met, light
+
+
+def unseen_reference(other: GBuffer, earlier: Sequence[GBuffer], nearest: float) -> Doubles:
+    """Return the depth [layers, rows, columns] of `other`, +inf where an earlier view shows it.
+
+    Args:
+        other: an auxiliary view, all of whose layers have normals.
+        earlier: the views before it, likewise.
+        nearest: least depth at which a camera shows a point, scene units.
+    """
+    depth = np.array(other.depth, np.float64).reshape(-1, *np.shape(other.depth)[-2:])
+    for layer, view in enumerate(layers_of(other)):
+        there = np.isfinite(depth[layer])
+        position = view.position(*view.centres(), np.where(there, depth[layer], 1.0))
+        normal = view.normal
+        for each in earlier:
+            turn, shift = transform(other, each)
+            shown = _shown(each, position @ turn.T + shift, normal @ turn.T, nearest)
+            depth[layer] = np.where(there & shown, np.inf, depth[layer])
+    return depth
+
+
+def _shown(earlier: GBuffer, point: Doubles, normal: Doubles, nearest: float) -> Doubles:
+    """Return where a view shows points [rows, columns, 3] of its own view space."""
+    views = layers_of(earlier)
+    rows, columns = views[0].depth.shape
+    to_x, to_y, _, _ = earlier.camera.pixel_to_view
+    ahead = -point[..., 2] > nearest
+    safe = np.where(ahead[..., None], point, [0.0, 0.0, -1.0])
+    row, column = views[0].pixel(safe)
+    inside = ahead & (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+    pixel = max(abs(to_x), abs(to_y)) * (np.ones(ahead.shape) if earlier.camera.is_orthographic else -safe[..., 2])
+    shown = np.zeros(ahead.shape, bool)
+    for down in (-0.5, 0.5):
+        for along in (-0.5, 0.5):
+            r = np.floor(np.clip(row + down, 0, rows - 1)).astype(int)
+            c = np.floor(np.clip(column + along, 0, columns - 1)).astype(int)
+            for view in views:
+                depth = view.depth[r, c]
+                there = np.isfinite(depth)
+                surface = view.position(r + 0.5, c + 0.5, np.where(there, depth, 1.0))
+                apart = np.abs(np.sum(normal * (surface - point), axis=-1))
+                alike = np.abs(np.sum(normal * view.normal[r, c], axis=-1)) >= ALIKE
+                shown |= there & (apart <= pixel) & alike
+    result: Doubles = shown & inside
+    return result

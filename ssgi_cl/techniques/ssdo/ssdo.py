@@ -1,4 +1,4 @@
-"""Screen-space directional occlusion: direct light that near surfaces hide, and one bounce."""
+"""Screen-space directional occlusion: direct light with occlusion by near surfaces, and one bounce."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.lights import Light, environments_of
 from ssgi_cl.core.params import Prepared
@@ -19,18 +20,23 @@ from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import Struct, floats
 from ssgi_cl.device.transient import Target
 from ssgi_cl.techniques.ao.bent_normals import BentNormals
-from ssgi_cl.techniques.direct.layer_shading import LitLayers
-from ssgi_cl.techniques.direct.light_data import PunctualLights, ShadowMap
+from ssgi_cl.techniques.ao.occlusion import RESOLUTIONS
+from ssgi_cl.techniques.direct.light_data import PunctualLights
 from ssgi_cl.techniques.direct.shadow_maps import checked_lights, uploaded_maps
 from ssgi_cl.techniques.direct.sky import Sky
-from ssgi_cl.techniques.source import Source
-from ssgi_cl.techniques.ssdo.ssdo_back import SenderVisibility, back_end, back_params, set_back
-from ssgi_cl.techniques.ssdo.ssdo_finish import Finish
-from ssgi_cl.techniques.ssdo.ssdo_inputs import uploaded_radiance, view_on_device
-from ssgi_cl.techniques.ssdo.ssdo_lights import LightBlur, punctual_lights_of, set_lights
+from ssgi_cl.techniques.ssdo.ssdo_bitmask import SsdoBitmask, SsdoBitmaskParams, closed_sides
 from ssgi_cl.techniques.ssdo.ssdo_params import METHODS, SsdoKeywords, SsdoParams
-from ssgi_cl.techniques.ssdo.ssdo_sides import Sides
-from ssgi_cl.techniques.ssdo.ssdo_view_senders import ViewSenders
+from ssgi_cl.techniques.ssdo.ssdo_points import SsdoPoints
+from ssgi_cl.techniques.ssdo.ssdo_stages import (
+    BackEnd,
+    Finish,
+    Senders,
+    Shadows,
+    ViewSenders,
+    punctual_lights_of,
+    set_lights,
+    shape_of,
+)
 from ssgi_cl.techniques.technique import Bench, Technique
 
 SPLIT = Struct(
@@ -44,14 +50,14 @@ SPLIT = Struct(
 
 @dataclass(frozen=True, eq=False)
 class SsdoPlanes:
-    """What a frame gives, in device memory.
+    """Results of directional occlusion in device memory.
 
     Attributes:
         direct: 3 images, irradiance by all lights, W/m^2; 0 where nothing is.
         bounce: 3 images, irradiance by surfaces within the radius, or None if there is none.
-        visibility: A, the first image of it, or None if no pass needed it.
+        visibility: a plane whose first image is A, or None if no pass needed it.
         bent: A, and x, y and z of the mean unoccluded direction in world space, of unit length; 0
-            where nothing is. None without `bent_normals`. Auxiliary cameras change A alone.
+            where nothing is. None without `bent_normals`. Auxiliary cameras change A only.
     """
 
     direct: Plane
@@ -65,8 +71,8 @@ class Ssdo(Prepared[SsdoParams]):
 
     Ritschel, Grosch and Seidel 2009, "Approximating Dynamic Global Illumination in Image Space".
     Departs: by default surfaces are found by visibility bitmasks (Therrien, Levesque and Gilet
-    2023, "Screen Space Indirect Lighting with Visibility Bitmask"), so that each direction is
-    either blocked, and brings the light of its sender, or open. Method "published" is the paper's.
+    2023, "Screen Space Indirect Lighting with Visibility Bitmask"), so that each direction is either
+    occluded, and receives the light of its sender, or unoccluded. Method "published" is the paper's.
 
     Args:
         runtime: the device.
@@ -74,8 +80,7 @@ class Ssdo(Prepared[SsdoParams]):
         params: see `SsdoParams`.
         margin: (rows, columns) by which the G-buffers exceed it on every side.
         layers: depth layers of the G-buffers.
-        attributes: layers of them that have normals, albedo and emission, 1 or all: only these
-            send light.
+        attributes: layers with normals, albedo and emission, 1 or all: only these send light.
     """
 
     def __init__(
@@ -90,22 +95,9 @@ class Ssdo(Prepared[SsdoParams]):
         self.runtime = runtime
         self.size = size
         self._params = params = params or SsdoParams()
-        self._shape = (size, margin, layers, attributes)
-        self._back = back_end(runtime, size, params, margin, layers)
-        whole = (size[0] + 2 * margin[0], size[1] + 2 * margin[1])
-        self._senders: LitLayers | None = None
-        if params.bounce:
-            self._senders = LitLayers(
-                runtime,
-                whole,
-                layers,
-                attributes,
-                punctual_lights_of(runtime, whole, params),
-                emission=params.emission,
-                # Points know no more of a surface than the side that is seen.
-                backs=params.method == "bitmask" and attributes > 1,
-            )
-        self._visibility: SenderVisibility | None = None
+        self._shape = shape = (size, margin, layers, attributes)
+        self._back = self._back_end()
+        self._senders = Senders(runtime, params, shape) if params.bounce else None
         self._bent: BentNormals | None = None
         if params.bent_normals:
             if params.method != "bitmask":
@@ -113,32 +105,36 @@ class Ssdo(Prepared[SsdoParams]):
             self._bent = BentNormals(runtime, size)
         self._views: ViewSenders | None = None
         self._punctual_lights: PunctualLights | None = None
-        self._light_blur = LightBlur(runtime, params)
         self._sky = Sky(runtime)
         self._finish = Finish(runtime, size, params)
         # Lights on the front layer and on another, what that sends; then both results.
-        runtime.transient.reserve(plane_bytes(9, whole))
+        runtime.transient.reserve(plane_bytes(9, (size[0] + 2 * margin[0], size[1] + 2 * margin[1])))
         # Frames keep what they need of the results.
         self._direct, self._bounce = (Target(runtime, 3, size, kept=False) for _ in range(2))
 
+    def _back_end(self, *, kept: bool = False) -> BackEnd:
+        """Return the back end; `kept` asks for its data that auxiliary cameras add to."""
+        size, margin, layers, _ = self._shape
+        own = self.params.back_end(size, margin)
+        if isinstance(own, SsdoBitmaskParams):
+            return SsdoBitmask(self.runtime, size, own, margin, layers, masks=kept)
+        return SsdoPoints(self.runtime, size, RESOLUTIONS[self.params.resolution], own, kept=kept)
+
     def _set(self, params: SsdoParams) -> None:
-        size, margin = self._shape[:2]
-        set_back(self._back, back_params(params, size, margin))
-        if self._visibility is not None:
-            self._visibility.set(params)
-        if self._views is not None:
-            self._views.set(params)
-        senders = None if self._senders is None else self._senders.lights
-        for punctual_lights in (senders, self._punctual_lights):
-            if punctual_lights is not None:
-                set_lights(punctual_lights, params)
+        back: Any = self._back  # of the same method
+        back.params = params.back_end(*self._shape[:2])
+        for part in (self._senders, self._views):
+            if part is not None:
+                part.set(params)
+        if self._punctual_lights is not None:
+            set_lights(self._punctual_lights, params)
 
     def run(
         self,
         gbuffer: DeviceGBuffer,
         lights: Sequence[Light],
         *,
-        shadows: Sequence[ShadowMap | None] | None = None,
+        shadows: Shadows = None,
         radiance: Plane | None = None,
         auxiliary_views: Iterable[DeviceGBuffer] = (),
     ) -> SsdoPlanes:
@@ -148,47 +144,50 @@ class Ssdo(Prepared[SsdoParams]):
             gbuffer: of the size, margin, layers and attributes that this was prepared for.
             lights: any number of lights.
             shadows: one entry for each light (None: it casts no shadow).
-            radiance: what surfaces send, if it is known: 3 images for each layer (number 3 layer +
+            radiance: of the surfaces, if it is known: 3 images for each layer (number 3 layer +
                 channel) of the size with margin, W m^-2 sr^-1, 0 where nothing is. With the method
                 "bitmask" as many more may follow for the sides that the camera doesn't see.
-            auxiliary_views: what auxiliary cameras see, of any size, margin and layers; surfaces that they
-                see hide and send light where the G-buffer shows none. Each is done with before the
-                next is asked for.
+            auxiliary_views: what auxiliary cameras see, of any size, margin and layers. Their
+                surfaces occlude and send light where the G-buffer shows none. Each view is done
+                with before the next is asked for.
         """
-        given = (gbuffer.size, gbuffer.margin, gbuffer.layers, gbuffer.attributes)
-        if given != self._shape:
+        if shape_of(gbuffer) != self._shape:
             raise ValueError(
-                f"the G-buffer's size, margin, layers and layers with attributes are {given}: expected {self._shape}"
+                "the G-buffer's size, margin, layers and layers with attributes are "
+                f"{shape_of(gbuffer)}: expected {self._shape}"
             )
         self._sky.set(environments_of(lights))
         ambient = self._sky.image is not None or bool(self._sky.constant.any())
         sent: Any = radiance
-        sends = radiance is not None
-        punctual_lights: Plane | None
-        if self._senders is not None and not sends:
-            visibility = self._sender_visibility(gbuffer) if ambient else None
-            points = self.params.method != "bitmask"
-            light = self._senders.records if points else self._senders.images
-            sent = light(gbuffer, lights, shadows=shadows, visibility=visibility, step=SenderVisibility.step)
-            sends = sent is not None
-            punctual_lights, lights_margin = self._senders.punctual_lights, gbuffer.margin
-            self._senders.punctual_lights = None
+        if self._senders is not None and radiance is None:
+            sent, punctual_lights = self._senders.radiance(gbuffer, lights, shadows, ambient=ambient)
+            lights_margin = gbuffer.margin
         else:
-            self._punctual_lights = self._punctual_lights or punctual_lights_of(self.runtime, self.size, self.params)()
+            self._punctual_lights = self._punctual_lights or punctual_lights_of(self.runtime, self.size, self.params)
             punctual_lights, lights_margin = self._punctual_lights.run(gbuffer, lights, shadows=shadows), (0, 0)
         if punctual_lights is not None:
-            punctual_lights = self._light_blur.run(gbuffer, punctual_lights, lights=lights, shadows=shadows)
-        sends = sends and self.params.bounce
-        gathered = None
+            punctual_lights = self._finish.lights(gbuffer, punctual_lights, lights, shadows)
+        if not self.params.bounce:
+            sent = None
+        sends = sent is not None
+        gathered = bent = None
         if not sends and not ambient and self._bent is None:
             self.runtime.skip("ssdo", "no ambient light, and nothing that a surface could send")
         else:
+            source, views = self._finish.source(gbuffer), iter(auxiliary_views)
+            first = next(views, None)
+            if first is not None and self._views is None:
+                self._views = ViewSenders(self.runtime, self.params)
+                self._back = self._back_end(kept=True)
             sky = self._sky if self._sky.image is not None else None
-            source = self._finish.source(gbuffer)
-            gathered = self._gathered(gbuffer, source, sent if sends else None, sky, lights, shadows, auxiliary_views)
+            gathered = self._back.run(gbuffer, source, radiance=sent, sky=sky)
+            if first is not None and self._views is not None:
+                views = chain((first,), views)
+                self._views.add(
+                    gathered, self._back, gbuffer, source, views, lights, shadows, ambient=ambient, sends=sends
+                )
             gathered = self._finish.run(gbuffer, gathered, source=source)
         direct, bounce = self._split(gbuffer, gathered, sends, punctual_lights, lights_margin)
-        bent = None
         if self._bent is not None and gathered is not None:
             bent = self._bent.run(gbuffer, gathered)
         return SsdoPlanes(direct, bounce, gathered, bent)
@@ -196,41 +195,7 @@ class Ssdo(Prepared[SsdoParams]):
     def look(self, gbuffer: DeviceGBuffer) -> None:
         """Queue the pass that needs the G-buffer's normals in world space, if there is one."""
         if self.params.method == "bitmask":
-            Sides(self.runtime).run(gbuffer)
-
-    def _sender_visibility(self, gbuffer: DeviceGBuffer) -> Plane:
-        if self._visibility is None:
-            size, margin, layers, _ = self._shape
-            self._visibility = SenderVisibility(self.runtime, size, self.params, margin, layers)
-        return self._visibility.run(gbuffer)
-
-    def _gathered(
-        self,
-        gbuffer: DeviceGBuffer,
-        source: Source,
-        sent: Any,
-        sky: Sky | None,
-        lights: Sequence[Light],
-        shadows: Sequence[ShadowMap | None] | None,
-        auxiliary_views: Iterable[DeviceGBuffer],
-    ) -> Plane:
-        """Queue the back end, and what auxiliary cameras add to it."""
-        auxiliary_views = iter(auxiliary_views)
-        first = next(auxiliary_views, None)
-        if first is None:
-            return self._back.run(gbuffer, source, radiance=sent, sky=sky)
-        if self._views is None:
-            self._views = ViewSenders(self.runtime, self.params)
-            size, margin, layers, _ = self._shape
-            self._back = back_end(self.runtime, size, self.params, margin, layers, kept=True)
-        light = self._back.run(gbuffer, source, radiance=sent, sky=sky)
-        self._views.begin(gbuffer)
-        try:
-            for view in chain((first,), auxiliary_views):
-                self._views.add(light, self._back, gbuffer, source, view, lights, shadows, sends=sent is not None)
-        finally:
-            self._views.end()
-        return light
+            closed_sides(gbuffer)
 
     def _split(
         self,
@@ -291,33 +256,33 @@ def ssdo(
     runtime: Runtime | None = None,
     **params: Unpack[SsdoKeywords],
 ) -> tuple[NDArray[np.float32], ...]:
-    """Compute direct light that near surfaces hide, and the light that they reflect once.
+    """Compute direct light with occlusion by near surfaces, and the light that they reflect once.
 
     Screen-space directional occlusion (Ritschel, Grosch and Seidel 2009, "Approximating Dynamic
     Global Illumination in Image Space"). `method` says how surfaces are found:
 
     - "bitmask" (default). Departs most: slices through the view ray cover sectors of the
       hemisphere (Therrien et al. 2023, "Screen Space Indirect Lighting with Visibility Bitmask").
-    - "points" keeps the directions of the half ball, each of which has several taps and either
-      meets a surface or is open. Direct and indirect light are conserved: with radiance 1
+    - "points" keeps the directions of the hemisphere, each of which has several taps and either
+      meets a surface or is unoccluded. Direct and indirect light are conserved: with radiance 1
       everywhere they add up to pi.
     - "published" is equations 1 and 2 with one tap for each direction, sender area pi radius^2 /
       samples times `strength`, and distances of at least `nearest_distance`. It is not conserved:
       the sum above is off by 9 % on average and up to 21 % in an empty box.
 
     Args:
-        gbuffer: what the camera sees. Surfaces of every depth layer hide light, and those with
+        gbuffer: what the camera sees. Surfaces of every depth layer occlude light, and those with
             normals and albedo send it; so do those in the margin.
-        lights: any number of lights. Near surfaces hide the light of environments by direction;
-            that of lights is hidden where their map says so or, without
-            one, by what the camera sees within the radius.
-        radius: distance up to which surfaces hide and send light, scene units, > 0.
+        lights: any number of lights. Near surfaces occlude the light of environments by direction.
+            Punctual lights have the shadows of their map or, without one, of the visible surfaces
+            within the radius.
+        radius: distance up to which surfaces occlude and send light, scene units, > 0.
         shadow_maps: for each light its reflective shadow map, whose depth casts its shadow, or None.
-        radiance: what surfaces send, W m^-2 sr^-1, >= 0, if it is known: [rows, columns, 3] of the
-            size of the depth, or [layers, rows, columns, 3]; by default what the lights make of
+        radiance: of the surfaces, W m^-2 sr^-1, >= 0, if it is known: [rows, columns, 3] of the
+            size of the depth, or [layers, rows, columns, 3]; by default computed from lights,
             albedo and emission.
-        auxiliary_views: what auxiliary cameras see under the same lights (see `auxiliary_cameras`): surfaces
-            that only they see hide and send light too.
+        auxiliary_views: what auxiliary cameras see under the same lights (see `auxiliary_cameras`).
+            Surfaces that only they see occlude and send light too.
         runtime: the device; by default the fastest found.
         **params: the other fields of `SsdoParams`.
 
@@ -335,19 +300,19 @@ def ssdo(
     if device.camera is None:
         raise ValueError("the device G-buffer is empty: draw or upload something first")
     runtime = device.runtime
-    shape = (device.size, device.margin, device.layers, device.attributes)
+    shape = shape_of(device)
     technique: Ssdo = runtime.prepared(
         (Ssdo, chosen.shape(), *shape), lambda: Ssdo(runtime, shape[0], chosen, *shape[1:])
     )
     technique.params = chosen
-    sent = None if radiance is None else uploaded_radiance(radiance, device)
+    sent = None if radiance is None else _uploaded_radiance(radiance, device)
     with runtime.frame():
         planes = technique.run(
             device,
             lights,
             shadows=uploaded_maps(lights, shadow_maps, runtime),
             radiance=sent,
-            auxiliary_views=[view_on_device(view, number, runtime) for number, view in enumerate(auxiliary_views)],
+            auxiliary_views=[_uploaded_view(view, number, runtime) for number, view in enumerate(auxiliary_views)],
         )
         images = [
             np.zeros((3, *device.size), np.float32) if plane is None else plane.download()
@@ -356,6 +321,33 @@ def ssdo(
         if planes.bent is not None:
             images.append(planes.bent.download()[1:])
     return tuple(np.ascontiguousarray(np.moveaxis(image, 0, -1)) for image in images)
+
+
+def _uploaded_view(view: GBuffer | DeviceGBuffer, number: int, runtime: Runtime) -> DeviceGBuffer:
+    """Return an auxiliary view in device memory of its own."""
+    if not isinstance(view, (GBuffer, DeviceGBuffer)):
+        raise TypeError(f"auxiliary_views[{number}] is {type(view).__name__}: expected GBuffer or DeviceGBuffer")
+    return on_device(view, runtime, place=number + 1)
+
+
+def _uploaded_radiance(radiance: ArrayLike, device: DeviceGBuffer) -> Plane:
+    """Return the plane of the radiance that surfaces send; layers that the array lacks send nothing."""
+    given = checks.as_array("radiance", radiance)
+    flat = given.reshape(-1, *given.shape[-2:]) if given.ndim == 4 else given
+    values = checks.plane("radiance", flat, channels=3, low=0.0, unit="W m^-2 sr^-1")
+    shape = given.shape if given.ndim == 4 else (1, *given.shape)
+    if shape[1:] != (*device.whole, 3) or shape[0] not in (1, device.layers):
+        raise ValueError(
+            f"radiance has shape {given.shape}: expected {(*device.whole, 3)}, or with "
+            f"{device.layers} layers in front, as the depth"
+        )
+    images = np.zeros((3 * device.layers, *device.whole), np.float32)
+    images[: 3 * shape[0]] = np.moveaxis(values.reshape(shape), -1, 1).reshape(-1, *device.whole)
+    plane: Plane = device.runtime.prepared(
+        ("ssdo radiance", device.whole, device.layers), lambda: device.runtime.plane(len(images), device.whole)
+    )
+    plane.upload(images)
+    return plane
 
 
 DESCRIPTOR = Technique(

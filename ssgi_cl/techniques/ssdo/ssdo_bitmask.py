@@ -1,4 +1,4 @@
-"""Directional occlusion and one bounce from a visibility bitmask: a back end of SSDO."""
+"""Visibility bitmask of SSDO: directional occlusion and one-bounce light from slices, and closed surfaces."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ssgi_cl.core.params import Prepared, param
-from ssgi_cl.device.arrays import DeviceArray, Plane, Size
-from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.arrays import DeviceArray, Plane, Size, plane_shape
+from ssgi_cl.device.gbuffer import VIEW_ROTATION, DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, floats, rotation_values
 from ssgi_cl.device.transient import ImageParts, Target
@@ -16,14 +16,16 @@ from ssgi_cl.techniques.ao.bitmask_ao import ENDS
 from ssgi_cl.techniques.ao.slices import SLICES, SliceParams, SliceScan, check_shape
 from ssgi_cl.techniques.direct.sky import SKY_SIZE, Sky
 from ssgi_cl.techniques.source import Source
-from ssgi_cl.techniques.ssdo.ssdo_sides import Sides
 
 OWN = Struct("SsdoBitmaskParams", floats("back", *ROTATION))
+
+MOST_LAYERS = 31
+"""Limit of the layers in which `closed_sides` finds pairs: one bit of an int for each."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SsdoBitmaskParams(SliceParams):
-    """Parameters of directional occlusion and a bounce from a visibility bitmask."""
+    """Parameters of directional occlusion and one-bounce light from a visibility bitmask."""
 
     taps: int = param(20, "depths read on either side of a slice", low=1, high=64)
     tap_power: float = param(1.0, "taps lie at u^tap_power of the radius, u evenly spread", low=0.1, high=8.0)
@@ -47,8 +49,7 @@ class SsdoBitmaskParams(SliceParams):
     )
     cones: int = param(
         8,
-        "directions of each slice in which an environment's image is looked up, and what is "
-        "hidden where normals are bent",
+        "directions of each slice in which an environment's image, and the occlusion of bent normals, is looked up",
         low=1,
         high=16,
     )
@@ -56,23 +57,22 @@ class SsdoBitmaskParams(SliceParams):
 
 
 class SsdoBitmask(Prepared[SsdoBitmaskParams]):
-    """The back end, prepared for images of one size.
+    """Directional occlusion and one-bounce light from a visibility bitmask, prepared for one size.
 
     Args:
         runtime: the device.
         size: (rows, columns) of the camera's image.
-        params: of the technique; those of the blur are of no account here.
+        params: see `SsdoBitmaskParams`; those of the blur are ignored.
         margin: (rows, columns) by which the G-buffers exceed it on every side.
         layers: depth layers of the G-buffers.
-        masks: whether `masks` is wanted.
+        masks: whether `masks` is needed, for auxiliary cameras.
 
     Attributes:
         size: (rows, columns) of the results, as `params.resolution` says.
-        masks: int32, the covered sectors of the last call: bit s of each element is that of
-            sector s, 0 at the second side's tangent plane; laid out as a plane of `params.slices`
-            images of `size`, and as many of those covered sectors whose sender is seen from a side
-            that the camera does not see, and so sends nothing; 0 where nothing is. None if they are
-            not wanted.
+        masks: int32, the covered sectors of the last call, as a plane of `params.slices` images of
+            `size`: bit s of each element is sector s, counted from the second side's tangent plane.
+            As many images follow of the covered sectors whose sender is seen from the side averted
+            from the camera, and so sends nothing. 0 where nothing is. None without the argument.
     """
 
     def __init__(
@@ -90,12 +90,10 @@ class SsdoBitmask(Prepared[SsdoBitmaskParams]):
         self._shape = (size, margin, layers)
         self._scan = SliceScan(runtime, size, self.params, margin, layers)
         self.size = self._scan.size
-        self._sides = Sides(runtime)
         self.masks: DeviceArray | None = None
         if masks:
-            like = runtime.plane(1, self.size)
-            pitch, rows = like.pitch, 2 * self.params.slices * self.size[0] + 2
-            self.masks = runtime.array(np.zeros(pitch * rows, np.int32))
+            rows, pitch = plane_shape(2 * self.params.slices, self.size)
+            self.masks = runtime.array(np.zeros(rows * pitch, np.int32))
 
     def _set(self, params: SsdoBitmaskParams) -> None:
         self._scan.params = params
@@ -113,15 +111,14 @@ class SsdoBitmask(Prepared[SsdoBitmaskParams]):
         Args:
             gbuffer: of the size, margin and layers this was prepared for.
             source: the same, or it reduced to `size`.
-            radiance: of what is seen, images 3 layer + channel of the G-buffer's whole size,
-                W m^-2 sr^-1, 0 where nothing is; None for no bounce. Behind the images of all
-                layers there may be as many of the sides that the camera does not see; `back` of the
-                parameters counts without.
-            sky: whose image lights what is open; None for none. Its `constant` is left to the
-                caller: A tells all about it.
+            radiance: of the visible surfaces, images 3 layer + channel of the G-buffer's whole
+                size, W m^-2 sr^-1, 0 where nothing is; None for no bounce. As many images of the
+                averted sides may follow; without them, the parameter `back` counts.
+            sky: its image lights the unoccluded directions; None for none. Its `constant` is left
+                to the caller, who needs only A for it.
 
         Returns:
-            A, 1 where nothing is; with `bent_normals` 3 images of what bends the normal, in view
+            A, 1 where nothing is; with `bent_normals` 3 images of the bend of the normal, in view
             space; 3 of the sky's irradiance, W/m^2, if it has an image; 3 of the bounce's if
             `radiance` is given; 0 where nothing is.
 
@@ -137,7 +134,7 @@ class SsdoBitmask(Prepared[SsdoBitmaskParams]):
                 f"{counts[1]} of {gbuffer.whole}"
             )
         lookup = None if sky is None else sky.map
-        facing = self._sides.run(gbuffer)
+        facing = closed_sides(gbuffer)
         sides = None if facing is None else scan.sorted(facing, gbuffer.region)
         inv_depth, slopes = scan.inv_depth(gbuffer, gbuffer.thickness), scan.slopes(gbuffer)
         sent = None if radiance is None else scan.sorted(radiance, gbuffer.region)
@@ -186,3 +183,37 @@ class SsdoBitmask(Prepared[SsdoBitmaskParams]):
                     own=packed_own,
                 )
         return light
+
+
+def closed_sides(gbuffer: DeviceGBuffer) -> Plane | None:
+    """Queue the pass that pairs the layers of closed surfaces by the direction of their normals.
+
+    The result is kept with the contents of the G-buffer, whose world-space normals are not needed
+    afterwards. Normals that were turned to the camera before they were given make no pairs.
+
+    Args:
+        gbuffer: with the contents drawn or uploaded.
+
+    Returns:
+        An image for each layer, as kernels/ssdo/ssdo_sides.cl defines it; None unless there are
+        several layers, all with normals.
+    """
+    layers, runtime = gbuffer.layers, gbuffer.runtime
+    if not 1 < layers == gbuffer.attributes <= MOST_LAYERS:
+        return None
+    camera = gbuffer.camera
+    assert camera is not None  # noqa: S101  a filled G-buffer has one
+    kernel = runtime.kernel("ssdo/ssdo_sides.cl", {"SIDES_LAYERS": layers}, (VIEW_ROTATION,))
+    if gbuffer.sides is None:
+        with Target(runtime, layers, gbuffer.whole, kept=False).over(gbuffer.region) as (sides, over):
+            kernel.run(
+                gbuffer.whole,
+                region=over,
+                depth=gbuffer.depth,
+                normal=gbuffer.normal,
+                given=gbuffer.normal_world,
+                sides=sides,
+                rotation=VIEW_ROTATION.pack(rotation_values(camera.view[:3, :3])),
+            )
+        gbuffer.sides = sides
+    return gbuffer.sides

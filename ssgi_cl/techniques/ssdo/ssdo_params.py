@@ -1,19 +1,26 @@
-"""Parameters of directional occlusion, and what its back ends get of them."""
+"""Parameters of directional occlusion, and those of its parts that follow from them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+import math
+from dataclasses import dataclass, fields, replace
+from typing import TypeVar
 
-from ssgi_cl.core.params import param
+from ssgi_cl.core.params import Params, param, parameter_fields
+from ssgi_cl.device.arrays import Size
+from ssgi_cl.techniques.ao.bitmask_ao import MOST_TAPS
 from ssgi_cl.techniques.ao.occlusion import OcclusionKeywords, OcclusionParams
 from ssgi_cl.techniques.direct.light_shadows import LightShadowParams
 from ssgi_cl.techniques.filters.bilateral import BilateralParams
 from ssgi_cl.techniques.ssdo.ssdo_bitmask import SsdoBitmaskParams
 from ssgi_cl.techniques.ssdo.ssdo_points import PointsParams
+from ssgi_cl.techniques.ssdo.ssdo_views import ViewsParams
+
+P = TypeVar("P", bound=Params)
 
 METHODS = ("bitmask", "points", "published")
 METHODS_OF = {"strength": ("published",), "nearest_distance": ("published",), "thickness": ("bitmask", "points")}
-"""Parameters that don't apply to every method, and the methods that they apply to."""
+"""Methods of the parameters that don't apply to every method."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,36 +96,36 @@ class SsdoParams(OcclusionParams):
 
     @property
     def blur(self) -> BilateralParams:
-        """What light is blurred with."""
+        """Parameters of the blur of light."""
         return BilateralParams(radius=self.blur_radius, passes=self.blur_passes)
 
     def bitmask(self) -> SsdoBitmaskParams:
-        """Return the parameters of the bitmask's back end."""
-        return SsdoBitmaskParams(
-            radius=self.radius,
-            slices=self.slices,
-            taps=self.taps,
-            thickness=self.thickness,
-            resolution=self.resolution,
-            max_radius_px=self.max_radius_px,
-            bent_normals=self.bent_normals,
-        )
+        """Return the parameters of the back end of "bitmask"."""
+        return self._same(SsdoBitmaskParams)
+
+    def points(self) -> PointsParams:
+        """Return the parameters of the back end of "points" and "published"."""
+        return self._same(PointsParams)
+
+    def _same(self, params: type[P]) -> P:
+        """Return parameters of another type with the values of the same names."""
+        return params(**{name: getattr(self, name) for name in parameter_fields(params) if hasattr(self, name)})
+
+    def back_end(self, size: Size, margin: Size) -> SsdoBitmaskParams | PointsParams:
+        """Return the parameters of the method's back end for G-buffers of a size and margin."""
+        if self.method != "bitmask":
+            return self.points()
+        # Taps are distributed over the arrays with margin, and keep the distances they have without.
+        wider = 1.0 + sum(border / length for border, length in zip(margin, size, strict=True))
+        return replace(self.bitmask(), taps=min(round(self.taps * wider), MOST_TAPS))
+
+    def views(self) -> ViewsParams:
+        """Return the parameters of auxiliary cameras: 4 taps in 2 directions of a slice, 16 in 4, 64 in 8."""
+        return ViewsParams(strata=max(ViewsParams().strata, math.isqrt(self.view_taps)), taps=self.view_taps)
 
     def punctual_lights(self) -> LightShadowParams:
         """Return the parameters of shadows of lights that have no map."""
         return LightShadowParams(radius=self.radius, taps=self.shadow_taps)
-
-    def points(self) -> PointsParams:
-        """Return the parameters of the back end of "points" and "published"."""
-        return PointsParams(
-            method=self.method,
-            radius=self.radius,
-            samples=self.samples,
-            thickness=self.thickness,
-            max_radius_px=self.max_radius_px,
-            strength=self.strength,
-            nearest_distance=self.nearest_distance,
-        )
 
 
 class SsdoKeywords(OcclusionKeywords, total=False):

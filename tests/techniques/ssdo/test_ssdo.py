@@ -1,9 +1,10 @@
-"""Directional occlusion and the bounce: what the front makes of lights, back ends and layers."""
+"""Directional occlusion and one-bounce light: the public technique with lights, back ends and layers."""
 
 from __future__ import annotations
 
-import re
-from dataclasses import replace
+import math
+from collections.abc import Iterator
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -13,17 +14,21 @@ from numpy.typing import NDArray
 import ssgi_cl as gi
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight
+from ssgi_cl.core.params import Params
 from ssgi_cl.device.gbuffer import on_device
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, BuiltinScene
+from ssgi_cl.techniques.direct.light_shadows import LightShadowParams
 from ssgi_cl.techniques.direct.shade import shade
+from ssgi_cl.techniques.filters.bilateral import BilateralParams
 from ssgi_cl.techniques.ssdo.ssdo import Ssdo, ssdo
-from ssgi_cl.techniques.ssdo.ssdo_back import SenderVisibility
-from ssgi_cl.techniques.ssdo.ssdo_params import METHODS, SsdoParams
-from ssgi_cl.techniques.ssdo.ssdo_view_senders import ViewSenders
+from ssgi_cl.techniques.ssdo.ssdo_bitmask import SsdoBitmaskParams
+from ssgi_cl.techniques.ssdo.ssdo_params import METHODS, METHODS_OF, SsdoParams
+from ssgi_cl.techniques.ssdo.ssdo_points import PointsParams
+from ssgi_cl.techniques.ssdo.ssdo_stages import Senders, shape_of
 from ssgi_cl.techniques.ssdo.ssdo_views import ViewsParams
 
-from ..analytic import camera, scene, tilted, trace
+from ..analytic import camera, scene, slow_but, tilted, trace
 
 SUN = DirectionalLight((-0.3, -1.0, -0.5), (3, 2, 1))
 LAMP = PointLight((0.3, 1.5, 1.2), (1, 2, 3))
@@ -32,8 +37,8 @@ IMAGE = Environment(np.random.default_rng(3).random((8, 16, 3)))
 
 Floats = NDArray[np.float32]
 
-PUBLISHED_SLOW = [pytest.param(name, marks=[pytest.mark.slow] * (name == "published")) for name in METHODS]
-"""The published method where it goes the way of "points": its kernel has tests of its own."""
+PUBLISHED_SLOW = slow_but(METHODS, "bitmask", "points")
+"""Methods where "published" runs the same code as "points": its kernel has tests of its own."""
 
 
 def means(irradiance: Floats) -> Floats:
@@ -51,6 +56,12 @@ def corner(rng: np.random.Generator) -> GBuffer:
         normal=np.stack([np.asarray(each.normal) for each in (front, back)]),
         albedo=0.2 + 0.6 * rng.random((*depth.shape, 3), np.float32),
     )
+
+
+def front_of(gbuffer: GBuffer) -> GBuffer:
+    """Return the front layer with an albedo of 0.5."""
+    depth, normal = gbuffer.first("depth"), gbuffer.first("normal")
+    return GBuffer(camera=gbuffer.camera, depth=depth, normal=normal, albedo=np.full((*np.shape(depth), 3), 0.5))
 
 
 # ---- light
@@ -79,12 +90,9 @@ def test_bent_normals_change_neither_light(runtime: Runtime, corner: GBuffer, rn
 @pytest.mark.slow
 @pytest.mark.parametrize("views", [0, 1])
 def test_bent_normals_are_those_of_gtao_if_slices_are_many(runtime: Runtime, corner: GBuffer, views: int) -> None:
-    one = GBuffer(
-        camera=corner.camera, depth=corner.first("depth"), normal=corner.first("normal"), albedo=corner.first("albedo")
-    )
+    one = front_of(corner)
     many: dict[str, Any] = {"slices": 8, "taps": 32, "blur_radius": 0, "bent_normals": True}
-    further = [one] * views  # sees nothing more
-    _, _, bent = ssdo(one, [SKY, SUN], 1.0, auxiliary_views=further, runtime=runtime, **many)
+    _, _, bent = ssdo(one, [SKY, SUN], 1.0, auxiliary_views=[one] * views, runtime=runtime, **many)
     _, wanted = gi.gtao(one, 1.0, runtime=runtime, **many)
     np.testing.assert_allclose(np.linalg.norm(bent, axis=-1), 1.0, rtol=1e-5)
     # Horizons hide all below them, pieces what they cover; neither is right at a silhouette.
@@ -163,19 +171,13 @@ def test_given_radiance_is_what_surfaces_send(runtime: Runtime, corner: GBuffer,
 
 
 def test_senders_are_as_open_to_the_sky_as_the_back_end_finds(runtime: Runtime, corner: GBuffer) -> None:
-    single = GBuffer(
-        camera=corner.camera,
-        depth=corner.first("depth"),
-        normal=corner.first("normal"),
-        albedo=np.full((*np.shape(corner.depth)[1:], 3), 0.5),
-    )
+    single = front_of(corner)
     options: dict[str, Any] = {"runtime": runtime, "method": "points", "blur_passes": 0}
     _, bounce = ssdo(single, [SKY], **options)
     device = on_device(single, runtime)
     params = SsdoParams(method="points")
     with runtime.frame():
-        visibility = SenderVisibility(runtime, device.size, params, device.margin, 1).run(device)
-        coarse = visibility.download()[0]
+        coarse = Senders(runtime, params, shape_of(device)).visibility(device).download()[0]
     # Each pixel takes the nearest that was looked at; the margin has the border's.
     index = [
         np.clip((np.arange(-edge, size + edge).clip(0) + 2) // 4, 0, len_ - 1)
@@ -190,7 +192,7 @@ def test_senders_are_as_open_to_the_sky_as_the_back_end_finds(runtime: Runtime, 
 
 
 def box_with_views(runtime: Runtime, count: int) -> tuple[BuiltinScene, GBuffer, list[GBuffer]]:
-    """Return the Cornell box, what its camera sees of it, and what further ones do."""
+    """Return the Cornell box, and the G-buffers of its camera and of auxiliary ones."""
     made = BUILTIN_SCENES["cornell_box"]()
     gbuffer = gi.rasterize.gbuffer(made.scene, made.camera(64, 48), runtime=runtime)
     extra = gi.auxiliary_cameras(gbuffer.camera, gbuffer, count, size=1.0)
@@ -199,7 +201,7 @@ def box_with_views(runtime: Runtime, count: int) -> tuple[BuiltinScene, GBuffer,
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_further_cameras_hide_and_send_more(runtime: Runtime, method: str) -> None:
+def test_auxiliary_cameras_hide_and_send_more(runtime: Runtime, method: str) -> None:
     made, gbuffer, views = box_with_views(runtime, 2)
     punctual_light = made.lights[0]
     options: dict[str, Any] = {"radius": 1.0, "runtime": runtime, "method": method}
@@ -217,12 +219,10 @@ def test_further_cameras_hide_and_send_more(runtime: Runtime, method: str) -> No
         np.testing.assert_array_equal(with_it, without)
 
 
-def test_view_taps_are_how_many_depths_are_read_in_how_many_directions(runtime: Runtime) -> None:
-    published, finer = (ViewSenders(runtime, SsdoParams(view_taps=taps)).views for taps in (4, 16))
+def test_view_taps_are_how_many_depths_are_read_in_how_many_directions() -> None:
+    published, finer = (SsdoParams(view_taps=taps).views() for taps in (4, 16))
     assert published == ViewsParams()
     assert finer == replace(published, taps=16, strata=4)
-    with pytest.raises(ValueError, match="view_taps is 65: expected an integer >= 1 and <= 64"):
-        SsdoParams(view_taps=65)
 
 
 @pytest.mark.slow
@@ -235,31 +235,7 @@ def test_more_view_taps_come_closer_to_what_many_find(runtime: Runtime) -> None:
     assert np.abs(more - most).mean() < 0.7 * np.abs(few - most).mean()
 
 
-def test_bent_normals_need_the_bitmask(runtime: Runtime, corner: GBuffer) -> None:
-    with pytest.raises(ValueError, match=r"bent_normals is True with 'points': expected 'bitmask'"):
-        ssdo(corner, [SKY], runtime=runtime, method="points", bent_normals=True)
-
-
-@pytest.mark.parametrize(
-    ("method", "name", "value", "methods"),
-    [
-        ("bitmask", "strength", 2.0, "'published'"),
-        ("points", "nearest_distance", 0.5, "'published'"),
-        ("published", "thickness", 0.25, "'bitmask' or 'points'"),
-    ],
-)
-def test_parameter_of_another_method_is_refused(method: str, name: str, value: float, methods: str) -> None:
-    message = f"{name}={value:g} applies only to method={methods} (got method='{method}')"
-    with pytest.raises(ValueError, match=re.escape(message)):
-        SsdoParams(method=method, **{name: value})
-
-
-def test_views_must_be_gbuffers(runtime: Runtime, corner: GBuffer) -> None:
-    with pytest.raises(TypeError, match=r"auxiliary_views\[1\] is str: expected GBuffer"):
-        ssdo(corner, [SKY], auxiliary_views=[corner, "left"], runtime=runtime)  # type: ignore[list-item]
-
-
-# ---- what is not needed
+# ---- skipped passes
 
 
 def test_without_light_all_is_zero_and_the_reason_is_told(runtime: Runtime, corner: GBuffer) -> None:
@@ -346,6 +322,8 @@ def test_where_nothing_is_there_is_no_light(runtime: Runtime, corner: GBuffer, m
 
 # ---- wrong arguments
 
+SMALL = GBuffer(camera=camera(size=(5, 7)), depth=np.ones((5, 7)))
+
 
 @pytest.mark.parametrize(
     ("changes", "error", "words"),
@@ -362,13 +340,30 @@ def test_where_nothing_is_there_is_no_light(runtime: Runtime, corner: GBuffer, m
         ({"radiance": np.ones((2, 5, 7, 3))}, ValueError, r"radiance has shape \(2, 5, 7, 3\)"),
         ({"colour": 1}, TypeError, "colour"),
         ({"gbuffer": None}, TypeError, "gbuffer is NoneType"),
+        ({"auxiliary_views": [SMALL, "left"]}, TypeError, r"auxiliary_views\[1\] is str: expected GBuffer"),
+        ({"view_taps": 65}, ValueError, "view_taps is 65: expected an integer >= 1 and <= 64"),
+        (
+            {"method": "points", "bent_normals": True},
+            ValueError,
+            "bent_normals is True with 'points': expected 'bitmask'",
+        ),
+        ({"strength": 2.0}, ValueError, r"strength=2 applies only to method='published' \(got method='bitmask'\)"),
+        (
+            {"method": "points", "nearest_distance": 0.5},
+            ValueError,
+            r"nearest_distance=0.5 applies only to method='published' \(got method='points'\)",
+        ),
+        (
+            {"method": "published", "thickness": 0.25},
+            ValueError,
+            r"thickness=0.25 applies only to method='bitmask' or 'points' \(got method='published'\)",
+        ),
     ],
 )
 def test_wrong_arguments_are_refused(
     runtime: Runtime, changes: dict[str, Any], error: type[Exception], words: str
 ) -> None:
-    gbuffer = GBuffer(camera=camera(size=(5, 7)), depth=np.ones((5, 7)))
-    arguments: dict[str, Any] = {"gbuffer": gbuffer, "lights": [SUN], **changes}
+    arguments: dict[str, Any] = {"gbuffer": SMALL, "lights": [SUN], **changes}
     with pytest.raises(error, match=words):
         ssdo(**arguments, runtime=runtime)
 
@@ -377,3 +372,45 @@ def test_another_gbuffer_is_refused(runtime: Runtime, corner: GBuffer) -> None:
     device = on_device(corner, runtime)
     with pytest.raises(ValueError, match=r"layers with attributes are \(\(40, 56\).*expected"):
         Ssdo(runtime, device.size, SsdoParams(method="points")).run(device, [SUN])
+
+
+# ---- parameters of the parts
+
+COUNTS: list[tuple[str, type[Params], str]] = [
+    ("slices", SsdoBitmaskParams, "slices"),
+    ("taps", SsdoBitmaskParams, "taps"),
+    ("samples", PointsParams, "samples"),
+    ("blur_radius", BilateralParams, "radius"),
+    ("blur_passes", BilateralParams, "passes"),
+    ("shadow_taps", LightShadowParams, "taps"),
+]
+"""Counts of `SsdoParams`, and the parameters of its parts that they become."""
+
+
+def declared(params: Any) -> dict[str, Any]:
+    """Return the declaration of each parameter by name."""
+    return {field.name: field.metadata for field in fields(params)}
+
+
+def ends() -> Iterator[Any]:
+    """Yield method, parameter and value at each finite end of what is allowed."""
+    for name, rule in declared(SsdoParams).items():
+        for method in METHODS_OF.get(name, METHODS):
+            for end in ("low", "high"):
+                if math.isfinite(rule[end]) and not (end == "low" and rule["above"]):
+                    yield pytest.param(method, name, rule[end], id=f"{method}-{name}-{end}")
+
+
+@pytest.mark.parametrize(("method", "name", "value"), list(ends()))
+def test_nothing_that_is_allowed_is_refused_behind(method: str, name: str, value: float) -> None:
+    params = SsdoParams(method=method, **{name: value})
+    params.back_end((8, 8), (1, 1))
+    params.views()
+    assert params.blur
+    if params.shadow_taps:  # without, no light casts a shadow
+        params.punctual_lights()
+
+
+@pytest.mark.parametrize(("name", "behind", "there"), COUNTS)
+def test_counts_go_as_high_as_those_they_become(name: str, behind: type[Params], there: str) -> None:
+    assert declared(SsdoParams)[name]["high"] == declared(behind)[there]["high"]

@@ -1,4 +1,4 @@
-"""The visibility bitmask as a back end of SSDO: against numpy, furnaces, invariances."""
+"""Visibility bitmask of SSDO: numpy reference, furnaces, invariances, and closed surfaces."""
 
 from __future__ import annotations
 
@@ -13,20 +13,22 @@ from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.lights import Environment
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.reference.ssdo.ssdo_bitmask import ssdo_bitmask_reference
+from ssgi_cl.reference.gbuffer import SurfaceView
+from ssgi_cl.reference.ssdo.ssdo_bitmask import sides_of, ssdo_bitmask_reference
 from ssgi_cl.techniques.ao.occlusion import RESOLUTIONS
 from ssgi_cl.techniques.direct.sky import Sky, filtered
 from ssgi_cl.techniques.filters.upsample import ReducedGBuffer
-from ssgi_cl.techniques.ssdo.ssdo_bitmask import SsdoBitmask, SsdoBitmaskParams
+from ssgi_cl.techniques.ssdo.ssdo_bitmask import SsdoBitmask, SsdoBitmaskParams, closed_sides
 
 from ..analytic import camera, scene
 from ..walls import wall_and_floor
+from .cases import planar, radiance_of, uploaded
 
 Floats = NDArray[np.float32]
 
 ROUNDING = 1e-5
-"""Of A, and of irradiance relative to that of a sky of the brightest radiance: the same arithmetic
-as bitmask AO's in float32."""
+"""Error of A, and of irradiance relative to that of a sky of the brightest radiance: the arithmetic of
+bitmask AO in float32."""
 FLIPS = 3e-3
 """Share of pixels in which a tap, an end of its piece or a texel of the sky may fall to the other
 side of an edge: 3 of 1209."""
@@ -41,12 +43,6 @@ def with_layers(rng: np.random.Generator, kind: str = "perspective", margin: tup
     return GBuffer(camera=made, depth=np.stack([depth, deeper]).astype(np.float32), normal=front.normal)
 
 
-def radiance_of(gbuffer: GBuffer, rng: np.random.Generator) -> Floats:
-    """Return [layers, rows, columns, 3] of random radiance, 0 where nothing is."""
-    depth = np.asarray(gbuffer.depth).reshape(gbuffer.layers, *gbuffer.depth.shape[-2:])
-    return np.where(np.isfinite(depth)[..., None], rng.random((*depth.shape, 3)), 0.0).astype(np.float32)
-
-
 def gathered(
     runtime: Runtime,
     gbuffer: GBuffer,
@@ -56,20 +52,10 @@ def gathered(
     masks: bool = True,
     **params: Any,
 ) -> tuple[Floats, SsdoBitmask]:
-    """Return what the back end gathers, and itself."""
+    """Return the results of the back end, and the back end."""
     chosen = SsdoBitmaskParams(**params)
-    device = DeviceGBuffer(
-        runtime,
-        gbuffer.size,
-        layers=gbuffer.layers,
-        margin=gbuffer.margin,
-        attributes=gbuffer.layers if np.ndim(gbuffer.normal) == 4 else 1,
-    )
-    device.upload(gbuffer)
-    sent = None
-    if radiance is not None:
-        sent = runtime.plane(3 * len(radiance), device.whole)
-        sent.upload(np.moveaxis(radiance, -1, 1).reshape(-1, *device.whole))
+    device = uploaded(runtime, gbuffer)
+    sent = None if radiance is None else planar(runtime, radiance)
     sky = Sky(runtime)
     sky.set(environments)
     end = SsdoBitmask(runtime, gbuffer.size, chosen, gbuffer.margin, gbuffer.layers, masks=masks)
@@ -235,8 +221,7 @@ def test_sky_of_one_radiance_is_pi_l_a_however_small_the_radius(runtime: Runtime
 
 def test_second_call_allocates_and_builds_nothing(runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = with_layers(rng)
-    device = DeviceGBuffer(runtime, gbuffer.size, layers=2, margin=gbuffer.margin)
-    device.upload(gbuffer)
+    device = uploaded(runtime, gbuffer)
     sent, sky = runtime.plane(6, device.whole), Sky(runtime)
     end = SsdoBitmask(runtime, gbuffer.size, None, gbuffer.margin, 2, masks=True)
     skies = (image_sky(rng),)
@@ -250,8 +235,7 @@ def test_second_call_allocates_and_builds_nothing(runtime: Runtime, rng: np.rand
 
 def test_other_shapes_are_refused(runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = with_layers(rng)
-    device = DeviceGBuffer(runtime, gbuffer.size, layers=2, margin=gbuffer.margin)
-    device.upload(gbuffer)
+    device = uploaded(runtime, gbuffer)
     end = SsdoBitmask(runtime, gbuffer.size, None, gbuffer.margin, 2)
     with pytest.raises(ValueError, match=r"radiance has 3 images of .*: expected 6 or 12 of"):
         end.run(device, device, radiance=runtime.plane(3, device.whole))
@@ -260,3 +244,40 @@ def test_other_shapes_are_refused(runtime: Runtime, rng: np.random.Generator) ->
         end.run(device, device)
     with pytest.raises(ValueError, match=r"back is 1\.5: expected"):
         replace(SsdoBitmaskParams(), back=1.5)
+
+
+# ---- closed surfaces
+
+STACKS = {
+    "fbfb": (1, -1, 1, -1),  # two closed things
+    "ffbb": (1, 1, -1, -1),  # one within another
+    "ffb ": (0, 1, -1, 0),  # a sheet before a closed thing
+    "fbf ": (1, -1, 0, 0),  # a wall behind one
+    "ffff": (0, 0, 0, 0),
+    "bfb ": (0, 0, 0, 0),  # a sheet from behind comes first: undecided
+    "f0b ": (0, 0, 0, 0),  # a layer without a normal
+    "    ": (0, 0, 0, 0),
+}
+"""Layers from the front: (f)ront, (b)ack, 0 without a normal, blank without a surface; and their sides."""
+
+
+@pytest.mark.parametrize("kind", ["perspective", "orthographic"])
+def test_layers_that_bound_something_closed_are_paired(variant_runtime: Runtime, kind: str) -> None:
+    made = camera(kind, size=(1, len(STACKS)))
+    towards = made.view[2, :3]  # the normal of what faces the camera
+    letters = np.array([list(stack) for stack in STACKS]).T[:, None]
+    signs = np.select([letters == "f", letters == "b"], [1.0, -1.0], 0.0)
+    depth = np.where(letters == " ", np.inf, 2.0 + np.arange(4.0)[:, None, None])
+    gbuffer = GBuffer(
+        camera=made, depth=depth.astype(np.float32), normal=(signs[..., None] * towards).astype(np.float32)
+    )
+    plane = closed_sides(uploaded(variant_runtime, gbuffer))
+    assert plane is not None
+    wanted = np.array(list(STACKS.values())).T[:, None]
+    np.testing.assert_array_equal(plane.download(), wanted)
+    np.testing.assert_array_equal(sides_of(gbuffer, SurfaceView.of(gbuffer)), wanted)
+
+
+def test_one_layer_with_normals_says_nothing(runtime: Runtime) -> None:
+    for layers in (1, 2):
+        assert closed_sides(DeviceGBuffer(runtime, (1, 4), layers=layers)) is None

@@ -1,91 +1,35 @@
-"""Light of directional occlusion against closed forms: nothing is lost, nothing counts twice."""
+"""Conservation of light in directional occlusion, against closed forms."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.lights import Environment
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.techniques.ssdo.auxiliary_cameras import auxiliary_cameras
 from ssgi_cl.techniques.ssdo.ssdo import ssdo
+from ssgi_cl.techniques.ssdo.ssdo_views import auxiliary_cameras
 
-from ...closed_forms import lit_by_wall
-
-Doubles = NDArray[np.float64]
-Pair = tuple[Doubles, Doubles]
+from ..analytic import Plane, slow_but, trace
+from .wall import WALL, floor_of, quads_of, seen
 
 SKY = Environment(1.0)
 RADIUS = 4.0
-WALL, FLOOR = (1.0, 1.0), (2.0, 3.0)
-"""Height and width of the wall x = 0, depth and width of the floor y = 0, in scene units."""
+FLOOR = ((0, 0, -1.5), (0, 0, 3), (2, 0, 0))
 
 
-def visibility_rays(camera: Camera) -> Pair:
-    start = camera.unproject(np.zeros(camera.size, np.float32))
-    return start, camera.unproject(np.ones(camera.size, np.float32)) - start
+def inside_of(camera: Camera, low: ArrayLike, high: ArrayLike) -> GBuffer:
+    """Return the G-buffer of a camera in an empty box."""
+    return trace(camera, [Plane(end, sign * way) for end, sign in ((low, 1.0), (high, -1.0)) for way in np.eye(3)])
 
 
-def inside_of(camera: Camera, low: Sequence[float], high: Sequence[float]) -> GBuffer:
-    """Return what a camera in an empty box sees."""
-    start, along = visibility_rays(camera)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        depth = np.where(along > 0.0, (high - start) / along, (low - start) / along)
-    depth = np.where(along == 0.0, np.inf, depth)
-    axis = depth.argmin(axis=-1)
-    normal = np.eye(3)[axis] * -np.sign(np.take_along_axis(along, axis[..., None], -1))
-    nearest = depth.min(axis=-1)
-    return GBuffer(camera=camera, depth=nearest.astype(np.float32), normal=normal.astype(np.float32))
-
-
-@dataclass(frozen=True, eq=False)
-class Beside:
-    """A wall that sends radiance 1 beside a black floor, as a camera sees them.
-
-    Attributes:
-        gbuffer: depth, normals, albedo 0, emission.
-        floor: [rows, columns] whether a pixel shows the floor.
-        form: [rows, columns] form factor of the wall there.
-    """
-
-    gbuffer: GBuffer
-    floor: NDArray[np.bool_]
-    form: Doubles
-
-
-def wall_beside_floor(camera: Camera) -> Beside:
-    start, along = visibility_rays(camera)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        to_floor, to_wall = (-start[..., axis] / along[..., axis] for axis in (1, 0))
-        at_floor, at_wall = (start + t[..., None] * along for t in (to_floor, to_wall))
-        on_floor = (to_floor > 0.0) & (at_floor[..., 0] > 0.0) & (at_floor[..., 0] < FLOOR[0])
-        on_floor &= np.abs(at_floor[..., 2]) < 0.5 * FLOOR[1]
-        on_wall = (to_wall > 0.0) & (at_wall[..., 1] > 0.0) & (at_wall[..., 1] < WALL[0])
-        on_wall &= np.abs(at_wall[..., 2]) < 0.5 * WALL[1]
-    depth = np.minimum(np.where(on_floor, to_floor, np.inf), np.where(on_wall, to_wall, np.inf))
-    wall = on_wall & (depth == to_wall)
-    floor = on_floor & ~wall
-    normal = np.where(wall[..., None], (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
-    shown = np.isfinite(depth)[..., None]
-    form = np.zeros(camera.size)
-    form[floor] = lit_by_wall(
-        at_floor[floor, 0], 0.5 * WALL[1] + at_floor[floor, 2], 0.5 * WALL[1] - at_floor[floor, 2], WALL[0]
-    )
-    gbuffer = GBuffer(
-        camera=camera,
-        depth=depth.astype(np.float32),
-        normal=np.where(shown, normal, 0.0).astype(np.float32),
-        albedo=np.zeros((*camera.size, 3), np.float32),
-        emission=np.repeat(wall[..., None], 3, axis=-1).astype(np.float32),
-    )
-    return Beside(gbuffer, floor, form)
+def wall_beside_floor(camera: Camera, runtime: Runtime) -> GBuffer:
+    return seen(quads_of(WALL, FLOOR), camera, runtime)
 
 
 # ---- a furnace: the sky and all surfaces have radiance 1, so all irradiance is pi
@@ -146,53 +90,52 @@ BESIDE = {
 
 @pytest.mark.parametrize("name", BESIDE)
 def test_wall_beside_a_floor_lights_and_hides_as_its_form_factor_says(runtime: Runtime, name: str) -> None:
-    case = wall_beside_floor(BESIDE[name])
-    direct, bounce = ssdo(case.gbuffer, [SKY], RADIUS, method="points", samples=64, runtime=runtime)
-    expected = math.pi * case.form[case.floor].mean()
+    gbuffer = wall_beside_floor(BESIDE[name], runtime)
+    floor, irradiance = floor_of(gbuffer)
+    direct, bounce = ssdo(gbuffer, [SKY], RADIUS, method="points", samples=64, runtime=runtime)
+    expected = irradiance.mean()
     # Rays that leave the wall's image between two taps miss it, and nothing below .5 % of the
     # radius counts.
-    assert bounce[case.floor].mean() == pytest.approx(expected, rel=0.05)
-    hidden = math.pi - direct[case.floor].mean()
+    assert bounce[floor].mean() == pytest.approx(expected, rel=0.05)
+    hidden = math.pi - direct[floor].mean()
     assert hidden == pytest.approx(expected, rel=0.05)
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n == "perspective")) for n in BESIDE])
+@pytest.mark.parametrize("name", slow_but(BESIDE, "low, odd size", "orthographic"))
 @pytest.mark.parametrize("count", [4, *(pytest.param(count, marks=pytest.mark.slow) for count in (1, 2))])
 def test_auxiliary_views_make_no_light(runtime: Runtime, name: str, count: int) -> None:
-    case = wall_beside_floor(BESIDE[name])
-    cameras = auxiliary_cameras(case.gbuffer.camera, case.gbuffer, count, size=1.0)
-    views = [wall_beside_floor(each).gbuffer for each in cameras]
-    direct, bounce = ssdo(
-        case.gbuffer, [SKY], RADIUS, method="points", samples=64, auxiliary_views=views, runtime=runtime
-    )
-    expected = math.pi * case.form[case.floor].mean()
-    assert bounce[case.floor].mean() == pytest.approx(expected, rel=0.05)
-    assert math.pi - direct[case.floor].mean() == pytest.approx(expected, rel=0.05)
+    gbuffer = wall_beside_floor(BESIDE[name], runtime)
+    floor, irradiance = floor_of(gbuffer)
+    cameras = auxiliary_cameras(gbuffer.camera, gbuffer, count, size=1.0)
+    views = [wall_beside_floor(each, runtime) for each in cameras]
+    direct, bounce = ssdo(gbuffer, [SKY], RADIUS, method="points", samples=64, auxiliary_views=views, runtime=runtime)
+    expected = irradiance.mean()
+    assert bounce[floor].mean() == pytest.approx(expected, rel=0.05)
+    assert math.pi - direct[floor].mean() == pytest.approx(expected, rel=0.05)
     # All that hides sends 1, but for the floor, which views at its edges may take for a wall.
-    np.testing.assert_allclose((direct + bounce)[case.floor].mean(), math.pi, rtol=1e-3)
+    np.testing.assert_allclose((direct + bounce)[floor].mean(), math.pi, rtol=1e-3)
 
 
 @pytest.mark.parametrize("name", BESIDE)
 def test_view_that_shows_nothing_new_changes_nothing(runtime: Runtime, name: str) -> None:
-    case = wall_beside_floor(BESIDE[name])
+    gbuffer = wall_beside_floor(BESIDE[name], runtime)
+    floor, _ = floor_of(gbuffer)
     alone, again = (
-        ssdo(case.gbuffer, [SKY], RADIUS, method="points", samples=64, auxiliary_views=views, runtime=runtime)
-        for views in ([], [case.gbuffer])
+        ssdo(gbuffer, [SKY], RADIUS, method="points", samples=64, auxiliary_views=views, runtime=runtime)
+        for views in ([], [gbuffer])
     )
     for one, other in zip(alone, again, strict=True):
-        assert np.abs(other - one).max() <= 0.01 * one[case.floor].mean()
+        assert np.abs(other - one).max() <= 0.01 * one[floor].mean()
 
 
 # ---- as published
 
 
 def test_knobs_of_the_published_bounce(runtime: Runtime) -> None:
-    case = wall_beside_floor(BESIDE["perspective"])
+    gbuffer = wall_beside_floor(BESIDE["perspective"], runtime)
 
     def bounce(**options: float) -> NDArray[np.float32]:
-        found: NDArray[np.float32] = ssdo(case.gbuffer, [SKY], RADIUS, method="published", runtime=runtime, **options)[
-            1
-        ]
+        _, found = ssdo(gbuffer, [SKY], RADIUS, method="published", runtime=runtime, **options)
         return found
 
     plain, strong = bounce(), bounce(strength=2.5)

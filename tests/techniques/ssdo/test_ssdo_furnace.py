@@ -1,4 +1,4 @@
-"""Light inside a sphere, of which every part sends the same to every point: a closed form."""
+"""Furnace of SSDO: inside a sphere, irradiance is known in closed form."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from ssgi_cl.techniques.ssdo.ssdo import ssdo
 RADIUS = 2.0
 PIXELS = 64
 EMISSION = 3.0
-"""W m^-2 sr^-1."""
+"""Radiance of the sphere, W m^-2 sr^-1."""
 
 
 def ball_from_inside(height: float) -> tuple[GBuffer, float]:
-    """Return a sphere's inside, seen from `height` radii above its centre, and the share seen."""
+    """Return a sphere's inside from `height` radii above its centre, and the fraction of it in view."""
     camera = Camera.look_at(
         (0.0, height * RADIUS, 0.0),
         (0.0, -RADIUS, 0.0),

@@ -1,5 +1,4 @@
-"""Auxiliary cameras of SSDO from taps: against the numpy reference, and what they must leave
-alone."""
+"""Auxiliary cameras of SSDO with directions: numpy reference, and views that must change nothing."""
 
 from __future__ import annotations
 
@@ -14,15 +13,14 @@ from numpy.typing import NDArray
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.reference.ssdo.ssdo_point_views import ssdo_point_views_reference
-from ssgi_cl.reference.ssdo.ssdo_points import Gathered, ssdo_points_reference
+from ssgi_cl.reference.ssdo.ssdo_points import Gathered, ssdo_point_views_reference, ssdo_points_reference
 from ssgi_cl.techniques.direct.layer_shading import SenderRecords
-from ssgi_cl.techniques.ssdo.ssdo_point_views import SsdoPointViews
 from ssgi_cl.techniques.ssdo.ssdo_points import POINT_METHODS, PointsParams, SsdoPoints
+from ssgi_cl.techniques.ssdo.ssdo_views import add_point_view
 
-from ..analytic import camera, scene
-from .test_ssdo_points import FLIPS, ROUNDING
-from .test_ssdo_views import aside, layered, planar, uploaded
+from ..analytic import camera, scene, slow_but
+from .cases import as_gathered, aside, assert_alike, layered, planar, uploaded
+from .test_ssdo_points import FLIPS
 
 Doubles = NDArray[np.float64]
 
@@ -40,7 +38,7 @@ def records_of(runtime: Runtime, device: DeviceGBuffer, sent: Doubles) -> Sender
 
 
 class Case:
-    """A G-buffer and auxiliary cameras on the device, and what is gathered."""
+    """A G-buffer on the device, and its results with auxiliary cameras."""
 
     def __init__(
         self,
@@ -59,32 +57,21 @@ class Case:
         sent = None if own is None else planar(runtime, own)
         self.has_sky = sky is not None
         self.plane = self.points.run(self.device, radiance=sent, sky=SimpleNamespace(image=sky))
-        self.views = SsdoPointViews(runtime)
 
     def add(self, other: GBuffer, sent: Doubles | None) -> None:
         """Add a camera."""
         device = uploaded(self.runtime, other)
         records = None if sent is None else records_of(self.runtime, device, sent)
-        self.views.add(self.plane, self.points, self.device, device, records)
+        add_point_view(self.points, self.plane, self.device, device, records)
 
     def found(self) -> Gathered:
-        """Return the results in the reference's form."""
-        images = self.plane.download().astype(np.float64)
-        nothing = np.zeros((*images.shape[1:], 3))
-        return Gathered(
-            images[0],
-            np.moveaxis(images[1:4], 0, -1) if self.has_sky else nothing,
-            np.moveaxis(images[-3:], 0, -1) if self.points.bounces else nothing,
-            np.zeros((0, *images.shape[1:]), bool),
-        )
+        """Return the results in the form of the reference."""
+        return as_gathered(self.plane.download(), sky=self.has_sky, bounce=self.points.bounces)
 
 
-def assert_alike(found: Gathered, expected: Gathered, flips: float) -> None:
+def assert_same(found: Gathered, expected: Gathered) -> None:
     for name in ("visibility", "sky", "bounce"):
-        a, b = getattr(found, name), getattr(expected, name)
-        assert np.isfinite(a).all()
-        off = np.abs(a - b) > ROUNDING * np.maximum(1.0, np.abs(b))
-        assert np.mean(off) <= flips, name
+        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
 
 
 # ---- against the numpy reference
@@ -97,9 +84,7 @@ VARIANTS: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.mark.parametrize(
-    "variant", [pytest.param(name, marks=[] if name == "perspective" else [pytest.mark.slow]) for name in VARIANTS]
-)
+@pytest.mark.parametrize("variant", slow_but(VARIANTS, "perspective"))
 def test_every_kernel_variant_agrees_with_numpy_reference(variant_runtime: Runtime, variant: str) -> None:
     rng = np.random.default_rng(5)
     chosen = dict(VARIANTS[variant])
@@ -124,8 +109,7 @@ def test_every_kernel_variant_agrees_with_numpy_reference(variant_runtime: Runti
     # A second one at the same place finds what the first did: nothing more.
     found = case.found()
     case.add(other, sent)
-    for name in ("visibility", "sky", "bounce"):
-        np.testing.assert_array_equal(getattr(case.found(), name), getattr(found, name))
+    assert_same(case.found(), found)
 
 
 def test_every_kernel_variant_gives_the_same_result(runtime: Runtime, other_variant: Runtime) -> None:
@@ -155,10 +139,8 @@ def test_first_camera_again_changes_nothing(runtime: Runtime, method: str) -> No
     case = Case(runtime, gbuffer, params=params, own=sent, sky=rng.random((8, 16, 3)))
     before = case.found()
     case.add(gbuffer, sent)
-    after = case.found()
-    # What is near the eye is told from the radius with a view, else from the receiver's depth.
-    for name in ("visibility", "sky", "bounce"):
-        np.testing.assert_array_equal(getattr(after, name), getattr(before, name))
+    # The least depth follows from the radius with a view, else from the receiver's depth.
+    assert_same(case.found(), before)
 
 
 @pytest.mark.parametrize("kind", ["perspective", "orthographic"])
@@ -206,7 +188,7 @@ def test_nothing_is_made_the_second_time(runtime: Runtime) -> None:
     records = records_of(runtime, other, np.ones((1, 31, 41, 3)))
     counts = []
     for _ in range(2):
-        case.views.add(case.plane, case.points, case.device, other, records)
+        add_point_view(case.points, case.plane, case.device, other, records)
         counts.append((runtime.allocated_bytes, runtime.builds))
     assert counts[0] == counts[1]
 
@@ -218,7 +200,7 @@ def test_empty_gbuffer_and_points_that_keep_nothing_are_refused(runtime: Runtime
     gbuffer = scene("corner", camera(size=SIZE), np.random.default_rng(1))
     case = Case(runtime, gbuffer, own=np.ones((1, *SIZE, 3)), sky=EVEN)
     with pytest.raises(ValueError, match="a device G-buffer is empty: draw or upload something"):
-        case.views.add(case.plane, case.points, case.device, DeviceGBuffer(runtime, SIZE), None)
+        add_point_view(case.points, case.plane, case.device, DeviceGBuffer(runtime, SIZE), None)
     points = SsdoPoints(runtime, SIZE, 1, PARAMS)
     with pytest.raises(ValueError, match="points keeps no directions: expected one that"):
-        case.views.add(case.plane, points, case.device, case.device, None)
+        add_point_view(points, case.plane, case.device, case.device, None)

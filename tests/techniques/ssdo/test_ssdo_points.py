@@ -1,5 +1,4 @@
-"""SSDO from taps: against its numpy reference, sums over all senders, and under what must not
-matter."""
+"""Directions of SSDO: numpy reference, sums over all senders, invariances, and the direction sets."""
 
 from __future__ import annotations
 
@@ -15,18 +14,16 @@ from numpy.typing import NDArray
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.reference.ssdo.ssdo_directions import directions
 from ssgi_cl.reference.ssdo.ssdo_points import Gathered, ssdo_points_reference
-from ssgi_cl.techniques.ssdo.ssdo_directions import cell_centres, cell_flux
-from ssgi_cl.techniques.ssdo.ssdo_points import PointsParams, SsdoPoints
+from ssgi_cl.techniques.ssdo.ssdo_points import PointsParams, SsdoPoints, cell_centres, cell_flux, direction_sets
 
-from ..analytic import CAMERAS, camera, scene, tilted, trace
+from ..analytic import CAMERAS, camera, scene, slow_but, tilted, trace
+from .cases import as_gathered, assert_alike, layered, planar, radiance_of, uploaded
 
 Doubles = NDArray[np.float64]
 
 RADIUS = 0.6
-ROUNDING = 1e-4
-"""Of A, and of irradiance from radiance and sky up to 1: sums of 16 terms in float32, and, as
-published, a fade-out that multiplies a rounding of some 1e-6 radii by 7."""
 FLIPS = 4e-3
 """Share of pixels in which one direction may meet another pixel or nothing: a pixel position is
 rounded to about 2^-18 px, each of 16 directions has up to four taps with two for each of two
@@ -39,22 +36,12 @@ def gathered(
     params: PointsParams,
     *,
     step: int = 1,
-    radiance: Doubles | None = None,
+    radiance: NDArray[np.floating] | None = None,
     sky: Doubles | None = None,
 ) -> Gathered:
-    """Return what the kernel gathers, in the reference's form."""
-    device = DeviceGBuffer(
-        runtime,
-        gbuffer.size,
-        layers=gbuffer.layers,
-        margin=gbuffer.margin,
-        attributes=1 if np.ndim(gbuffer.normal) < 4 else gbuffer.layers,
-    )
-    device.upload(gbuffer)
-    sent = None
-    if radiance is not None:
-        sent = runtime.plane(3 * len(radiance), device.whole)
-        sent.upload(np.moveaxis(radiance, -1, 1).reshape(-1, *device.whole).astype(np.float32))
+    """Return the kernel's results in the form of the reference, and check that it repeats them."""
+    device = uploaded(runtime, gbuffer)
+    sent = None if radiance is None else planar(runtime, radiance)
     technique = SsdoPoints(runtime, gbuffer.size, step, params)
     plane = technique.run(device, radiance=sent, sky=SimpleNamespace(image=sky))
     before = runtime.allocated_bytes, runtime.builds
@@ -62,53 +49,22 @@ def gathered(
     again = technique.run(device, radiance=sent, sky=SimpleNamespace(image=sky)).download()
     assert (runtime.allocated_bytes, runtime.builds) == before
     np.testing.assert_array_equal(images, again)
-    nothing = np.zeros((*images.shape[1:], 3))
-    last = np.moveaxis(images[-3:], 0, -1) if radiance is not None else nothing
-    light = np.moveaxis(images[1:4], 0, -1) if sky is not None else nothing
-    return Gathered(images[0], light, last, np.zeros((0, *images.shape[1:]), bool))
-
-
-def assert_alike(one: Gathered, other: Gathered) -> None:
-    """Check that but for a few flips both are the same up to roundings."""
-    for name in ("visibility", "sky", "bounce"):
-        a, b = getattr(one, name), getattr(other, name)
-        assert np.isfinite(a).all()
-        off = np.abs(a - b) > ROUNDING * np.maximum(1.0, np.abs(b))
-        assert np.mean(off) <= FLIPS, name
-
-
-def senders(gbuffer: GBuffer, rng: np.random.Generator) -> Doubles:
-    """Return random radiance of every layer and pixel."""
-    depth = np.asarray(gbuffer.depth)
-    return rng.random((gbuffer.layers, *depth.shape[-2:], 3))
-
-
-def two_layers(rng: np.random.Generator, *, normals: bool) -> GBuffer:
-    """Return balls with the floor and what else lies behind them."""
-    made = camera(size=(33, 43))
-    front = scene("bumpy", made, rng, margin=(2, 4))
-    floor = scene("corner", made, rng, margin=(2, 4))
-    depth, behind = np.asarray(front.depth), np.asarray(floor.depth)
-    deep = np.where(behind > depth + 1e-3, behind, np.inf)
-    normal = np.stack([np.asarray(front.normal), np.asarray(floor.normal)])
-    return GBuffer(camera=made, depth=np.stack([depth, deep]), normal=normal if normals else normal[0])
+    return as_gathered(images, sky=sky is not None, bounce=radiance is not None)
 
 
 # ---- against the numpy reference
 
 
 @pytest.mark.parametrize("kind", CAMERAS)
-@pytest.mark.parametrize(
-    "name", ["corner", *(pytest.param(name, marks=pytest.mark.slow) for name in ("bumpy", "noisy"))]
-)
+@pytest.mark.parametrize("name", slow_but(("corner", "bumpy", "noisy"), "corner"))
 def test_kernel_agrees_with_numpy_reference_in_every_scene_and_camera(
     runtime: Runtime, rng: np.random.Generator, name: str, kind: str
 ) -> None:
     gbuffer = scene(name, camera(kind, size=(33, 43)), rng, margin=(3, 5))
     params = PointsParams(radius=RADIUS)
-    sent, sky = senders(gbuffer, rng), rng.random((8, 16, 3))
+    sent, sky = radiance_of(gbuffer, rng), rng.random((8, 16, 3))
     found = gathered(runtime, gbuffer, params, radiance=sent, sky=sky)
-    assert_alike(found, ssdo_points_reference(gbuffer, params, radiance=sent, sky=sky))
+    assert_alike(found, ssdo_points_reference(gbuffer, params, radiance=sent, sky=sky), FLIPS)
 
 
 VARIANTS: dict[str, dict[str, Any]] = {
@@ -124,23 +80,25 @@ STEPS = (1, 2, 4, 1)
 def test_every_kernel_variant_agrees_with_numpy_reference_for_every_switch(
     variant_runtime: Runtime, rng: np.random.Generator, variant: str, step: int
 ) -> None:
-    gbuffer = two_layers(rng, normals=variant != "few")
+    gbuffer = layered(camera(size=(33, 43)), rng, margin=(2, 4))
+    if variant == "few":  # the front layer alone has normals
+        gbuffer = replace(gbuffer, normal=np.asarray(gbuffer.normal)[0])
     if variant == "many":  # each pixel its own
         thickness = rng.uniform(0.0, RADIUS, np.shape(gbuffer.depth)[1:])
         gbuffer = replace(gbuffer, thickness=thickness.astype(np.float32))
     params = PointsParams(radius=RADIUS, **VARIANTS[variant])
-    sent = senders(gbuffer, rng)[: 1 if variant == "few" else 2]
+    sent = radiance_of(gbuffer, rng)[: 1 if variant == "few" else 2]
     sky = rng.random((8, 16, 3)) if step != 2 else None
     found = gathered(variant_runtime, gbuffer, params, step=step, radiance=sent, sky=sky)
     expected = ssdo_points_reference(gbuffer, params, step=step, radiance=sent, sky=sky)
-    assert_alike(found, expected)
+    assert_alike(found, expected, FLIPS)
 
 
 def test_every_kernel_variant_gives_the_same_result(
     runtime: Runtime, other_variant: Runtime, rng: np.random.Generator
 ) -> None:
-    gbuffer = two_layers(rng, normals=True)
-    sent = senders(gbuffer, rng)
+    gbuffer = layered(camera(size=(33, 43)), rng, margin=(2, 4))
+    sent = radiance_of(gbuffer, rng)
     a = gathered(runtime, gbuffer, PointsParams(radius=RADIUS), radiance=sent)
     b = gathered(other_variant, gbuffer, PointsParams(radius=RADIUS), radiance=sent)
     # Contraction is off and light is added in the order of the taps: bit-identical results.
@@ -148,7 +106,7 @@ def test_every_kernel_variant_gives_the_same_result(
     np.testing.assert_array_equal(a.bounce, b.bounce)
 
 
-# ---- under what must not matter
+# ---- invariances
 
 
 @pytest.mark.parametrize("kind", CAMERAS)
@@ -171,14 +129,14 @@ def test_scale_of_the_world_does_not_matter(runtime: Runtime) -> None:
         sent = np.ones((1, *gbuffer.size, 3))
         params = PointsParams(radius=RADIUS * scale)
         results.append(gathered(runtime, gbuffer, params, radiance=sent))
-    assert_alike(*results)
+    assert_alike(*results, FLIPS)
 
 
 @pytest.mark.parametrize("factor", [1e-6, 1e6])
 def test_bounce_is_proportional_to_radiance(runtime: Runtime, factor: float) -> None:
     rng = np.random.default_rng(1)
     gbuffer = scene("corner", camera(), rng)
-    sent = senders(gbuffer, rng)
+    sent = radiance_of(gbuffer, rng)
     params = PointsParams(radius=RADIUS)
     one = gathered(runtime, gbuffer, params, radiance=sent).bounce
     other = gathered(runtime, gbuffer, params, radiance=factor * sent).bounce
@@ -204,6 +162,34 @@ def test_unhidden_sky_gives_its_irradiance(runtime: Runtime) -> None:
     expected = (cell_flux(sky) * cosine[..., None]).sum(axis=(0, 1))
     # A pixel has 32 directions for the whole sphere, half of them where the sun is.
     np.testing.assert_allclose(found.sky[:44, :60].mean(axis=(0, 1)), expected, rtol=0.06)
+
+
+# ---- direction sets
+
+
+@pytest.mark.parametrize("count", [1, 5])
+def test_directions_are_those_of_the_definition(count: int) -> None:
+    sky = np.random.default_rng(1).random((12, 20, 3)) ** 8 * 100.0
+    for image, equal in ((None, False), (sky, False), (sky, True)):
+        made, expected = (one(count, image, equal=equal) for one in (direction_sets, directions))
+        for name in ("direction", "length", "solid_angle", "light"):
+            a, b = getattr(made, name), getattr(expected, name)
+            if b is None:
+                assert a is None
+            else:
+                np.testing.assert_allclose(a, b, atol=1e-9)
+
+
+def test_solid_angles_and_light_add_up_to_the_sphere_and_the_sky() -> None:
+    rng = np.random.default_rng(1)
+    sky = rng.random((12, 20, 3)) ** 8 * 100.0
+    sets = direction_sets(8, sky)
+    assert sets.light is not None
+    np.testing.assert_allclose(2.0 * sets.solid_angle.sum(axis=-1), 4.0 * math.pi, rtol=1e-3)
+    edges = np.cos(np.linspace(0.0, math.pi, 13))
+    whole = ((edges[:-1] - edges[1:])[:, None, None] * sky).sum(axis=(0, 1)) * 2.0 * math.pi / 20
+    np.testing.assert_allclose(sets.light.sum(axis=(2, 3)), np.tile(whole, (16, 4, 1)))
+    np.testing.assert_allclose(cell_flux(sky).sum(axis=(0, 1)), whole)
 
 
 # ---- bad input

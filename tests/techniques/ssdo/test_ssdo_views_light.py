@@ -1,4 +1,4 @@
-"""Auxiliary cameras of SSDO create no light: a wall's light on a floor, in closed form."""
+"""Light of auxiliary cameras of SSDO: a wall's light on a floor, in closed form."""
 
 from __future__ import annotations
 
@@ -13,88 +13,18 @@ from numpy.typing import NDArray
 import ssgi_cl as gi
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
-from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.runtime import Runtime
 
-from ...closed_forms import Quad, lit_by_wall, made
+from ...closed_forms import Quad, lit_by_wall
 from ..analytic import camera as camera_of
 from ..analytic import scene as scene_of
+from ..analytic import slow_but
+from .wall import FLOOR, WALL, box, emitting, floor_of, positions, quads_of, seen
 
 Doubles = NDArray[np.float64]
 
-RADIANCE = 1.0 / math.pi
-"""Of the wall, W m^-2 sr^-1: irradiance is the form factor."""
 RADIUS = 4.0
-"""As wide as the scenes."""
-WALL: Quad = ((0, 0, -0.5), (0, 1, 0), (0, 0, 1))
-FLOOR: Quad = ((0, 0, -1.5), (0, 0, 3), (3, 0, 0))
-LOW, HIGH = np.array([0.35, 0.0, -0.15]), np.array([0.55, 0.35, 0.15])
-"""Corners of a black box that stands before the wall."""
-NEAREST = 0.02
-"""Receivers nearer to the wall are left out: less than two pixels."""
-
-
-def quads_of(*parts: Quad) -> Scene:
-    """Return parallelograms with the normals that the order of their edges gives."""
-    corners, normals = [], []
-    for part in parts:
-        corner, first, second = (np.asarray(p, np.float64) for p in part)
-        corners += [corner, corner + first, corner + first + second, corner + second]
-        normal = np.cross(first, second)
-        normals += [normal / np.linalg.norm(normal)] * 4
-    faces = [[4 * i + k for k in t] for i in range(len(parts)) for t in ((0, 1, 2), (0, 2, 3))]
-    return made(np.array(corners), faces, np.array(normals))
-
-
-def box() -> list[Quad]:
-    """Return the five visible sides of the box."""
-    x, y, z = np.diag(HIGH - LOW)
-    return [
-        (tuple(LOW), tuple(z), tuple(y)),
-        (tuple(LOW + x), tuple(y), tuple(z)),
-        (tuple(LOW), tuple(y), tuple(x)),
-        (tuple(LOW + z), tuple(x), tuple(y)),
-        (tuple(LOW + y), tuple(z), tuple(x)),
-    ]
-
-
-def seen(scene: Scene, camera: Camera, runtime: Runtime) -> GBuffer:
-    """Return what a camera sees of a scene whose wall alone sends light."""
-    gbuffer = gi.rasterize.gbuffer(scene, camera, runtime=runtime)
-    on_wall = np.abs(positions(gbuffer)[..., 0]) < 1e-3
-    emission = np.where(on_wall & (positions(gbuffer)[..., 1] > 1e-3), RADIANCE, 0.0)
-    return replace(
-        gbuffer,
-        albedo=np.zeros((*camera.size, 3), np.float32),
-        emission=np.repeat(emission[..., None], 3, axis=-1).astype(np.float32),
-    )
-
-
-def positions(gbuffer: GBuffer) -> Doubles:
-    """Return [rows, columns, 3] world positions, NaN where nothing is."""
-    depth = np.asarray(gbuffer.depth)
-    found = gbuffer.camera.unproject(np.where(np.isfinite(depth), depth, 1.0).astype(np.float32))
-    return np.where(np.isfinite(depth)[..., None], found, np.nan)
-
-
-def irradiance(position: Doubles, boxed: bool) -> Doubles:
-    """Return the irradiance of floor points [n, 3] by the wall, W/m^2."""
-    x, z = position[:, 0], position[:, 2]
-    if not boxed:
-        return lit_by_wall(x, 0.5 + z, 0.5 - z, 1.0)
-    # The box takes away what the rays to 64 x 64 parts of the wall say.
-    part = (np.arange(64) + 0.5) / 64
-    y, along = (each.ravel() for each in np.meshgrid(part, part - 0.5))
-    total = np.zeros(len(position))
-    for height, shift in zip(y, along, strict=True):
-        way = np.stack([-x, np.full(x.shape, height), shift - z], axis=-1)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ends = np.sort(np.stack([(LOW - position) / way, (HIGH - position) / way]), axis=0)
-        enters, leaves = ends[0].max(axis=-1), ends[1].min(axis=-1)
-        free = (enters >= leaves) | (leaves <= 0.0) | (enters >= 1.0)
-        square = np.sum(way**2, axis=-1)
-        total += np.where(free, height * x / (math.pi * square**2), 0.0) / 64**2
-    return total
+"""Radius of SSDO, as wide as the scenes."""
 
 
 def bounce(gbuffer: GBuffer, views: list[GBuffer], runtime: Runtime, **params: Any) -> Doubles:
@@ -111,17 +41,14 @@ CASES = {
     "box": (Camera.look_at(EYE, TARGET, yfov=0.9, width=120, height=90), True),
     "box, odd": (Camera.look_at((2.0, 2.0, -0.5), TARGET, yfov=0.9, width=93, height=71), True),
 }
-FAST = ("odd size",)
 
 
-@pytest.mark.parametrize("case", [pytest.param(case, marks=[pytest.mark.slow] * (case not in FAST)) for case in CASES])
+@pytest.mark.parametrize("case", slow_but(CASES, "odd size"))
 def test_auxiliary_cameras_create_no_light(runtime: Runtime, case: str) -> None:
     camera, boxed = CASES[case]
     scene = quads_of(WALL, FLOOR, *(box() if boxed else []))
     gbuffer = seen(scene, camera, runtime)
-    position = positions(gbuffer)
-    on_floor = (np.abs(position[..., 1]) < 1e-3) & (position[..., 0] > NEAREST)
-    truth = irradiance(position[on_floor], boxed)
+    on_floor, truth = floor_of(gbuffer, boxed=boxed, nearest=0.02)  # two pixels
     cameras = gi.auxiliary_cameras(camera, gbuffer, 4, size=1.0)
     views = [seen(scene, each, runtime) for each in cameras]
     assert len(views) == 4
@@ -153,7 +80,7 @@ def test_lit_wall_sends_what_a_single_view_says_it_does(runtime: Runtime) -> Non
 
 
 def near_copies(camera: Camera) -> list[Camera]:
-    """Return the camera, it moved by less than a hundredth of a pixel, and it with fewer pixels."""
+    """Return the camera, a copy moved by less than a hundredth of a pixel, and one with fewer pixels."""
     moved = camera.view.copy()
     moved[:3, 3] += (1e-4, -1e-4, 1e-4)
     rows, columns = camera.size
@@ -196,9 +123,8 @@ def test_second_auxiliary_camera_leaves_what_the_first_shows(runtime: Runtime) -
     scene = quads_of(WALL, FLOOR)
     gbuffer = seen(scene, above, runtime)
     assert not np.asarray(gbuffer.emission).any()
-    position = positions(gbuffer)
-    on_floor = (np.abs(position[..., 1]) < 1e-3) & (position[..., 0] > NEAREST)
-    truth = irradiance(position[on_floor], boxed=False).mean()
+    on_floor, values = floor_of(gbuffer, nearest=0.02)
+    truth = values.mean()
     # With many taps, as few leave out what lies between them.
     many = {"taps": 32, "view_taps": 64, "slices": 4}
     views = [
@@ -222,9 +148,7 @@ def test_back_of_what_a_view_shows_sends_its_light(runtime: Runtime) -> None:
     def lit(camera: Camera) -> GBuffer:
         gbuffer = seen(scene, camera, runtime)
         position = positions(gbuffer)
-        bright = (np.abs(position[..., 0] + 0.1) < 1e-3) & (position[..., 1] > 1e-3)
-        emission = np.where(bright[..., None], np.full(3, RADIANCE), 0.0).astype(np.float32)
-        return replace(gbuffer, emission=emission)
+        return emitting(gbuffer, (np.abs(position[..., 0] + 0.1) < 1e-3) & (position[..., 1] > 1e-3))
 
     gbuffer = lit(Camera.look_at((1.6, 3.2, 0.3), (-0.6, 0.3, 0.0), yfov=0.9, width=100, height=75))
     view = lit(Camera.look_at((-2.2, 1.1, 0.4), (-0.1, 0.4, 0.0), yfov=0.9, width=100, height=75))
@@ -235,7 +159,7 @@ def test_back_of_what_a_view_shows_sends_its_light(runtime: Runtime) -> None:
     assert not np.asarray(gbuffer.emission).any()
     assert behind.sum() > 500
     x, z = position[behind][:, 0], position[behind][:, 2]
-    truth = lit_by_wall(-0.1 - x, 0.5 + z, 0.5 - z, 1.0).mean()
+    truth = math.pi * lit_by_wall(-0.1 - x, 0.5 + z, 0.5 - z, 1.0).mean()
     many = {"taps": 32, "view_taps": 64, "slices": 4}
     assert bounce(gbuffer, [], runtime, **many)[behind].mean() == 0.0
     found = bounce(gbuffer, [view], runtime, **many)[behind].mean()

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,10 +20,9 @@ from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.techniques.multires.multires_grid import TILE, Level
-from ssgi_cl.techniques.vpl.packed_vpls import DeviceVpls, VplChooser
+from ssgi_cl.techniques.vpl.packed_vpls import VPL, DeviceVpls, VplChooser, packed_params
 from ssgi_cl.techniques.vpl.vpl_light import NoLight, camera_of
 from ssgi_cl.techniques.vpl.vpl_tree import CPU_ITEMS
-from ssgi_cl.techniques.vpl_struct import VPL
 
 SUBSPLAT = Struct("SubsplatParams", floats("depth", "normal", "coarser_depth", "coarser_normal"))
 IMAGES, EMPTY = SUBSPLAT_IMAGES, SUBSPLAT_EMPTY
@@ -179,15 +178,6 @@ class MultiresPublished(Prepared[MultiresPublishedParams]):
         items = 1 << 30 if is_gpu else CPU_ITEMS * self.runtime.device.max_compute_units
         pieces = -(-level.most // (lanes * ROWS))
         for batch in self._lights.batches():
-            packed = VPL.pack(
-                {
-                    **_ZEROS,
-                    **self._lights.values,
-                    **batch,
-                    "margin_columns": gbuffer.margin[1],
-                    "margin_rows": gbuffer.margin[0],
-                }
-            )
             self._shade.run(
                 level.size,
                 grid=(1, min(pieces, items)),
@@ -198,7 +188,7 @@ class MultiresPublished(Prepared[MultiresPublishedParams]):
                 lights=self._lights.lights,
                 values=level.values,
                 camera=gbuffer.camera_struct,
-                params=packed,
+                params=packed_params({**self._lights.values, **batch}, gbuffer.margin),
                 image=self.size,
                 step=level.step,
             )
@@ -221,6 +211,3 @@ class MultiresPublished(Prepared[MultiresPublishedParams]):
             )
             values, fractions = merged, merged_fractions
         return values
-
-
-_ZEROS: dict[str, Any] = {name: 0 for name, _ in VPL.members}

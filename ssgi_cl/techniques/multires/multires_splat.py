@@ -18,15 +18,15 @@ from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime, serialised
-from ssgi_cl.device.structs import CAMERA
 from ssgi_cl.rasterize.raster.device_scene import DeviceScene
 from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.techniques.methods import Method, chosen_params
-from ssgi_cl.techniques.multires.multires_grid import MultiresGrid, MultiresGridParams, Source
+from ssgi_cl.techniques.multires.multires_grid import MultiresGrid, MultiresGridParams
 from ssgi_cl.techniques.multires.multires_published import MultiresPublished, MultiresPublishedParams
 from ssgi_cl.techniques.occupancy.occupancy_grid import Occupancy, OccupancyGrid, check_grid, grid_param
 from ssgi_cl.techniques.technique import Bench, Technique
-from ssgi_cl.techniques.vpl.packed_vpls import DeviceVpls, VplChooser
+from ssgi_cl.techniques.vpl.packed_vpls import DeviceVpls, VplChooser, power_of_two
+from ssgi_cl.techniques.vpl.tile_boxes import BOX, bound_tiles, tiles_of
 from ssgi_cl.techniques.vpl.view_importance import ViewImportance
 from ssgi_cl.techniques.vpl.vpl_light import (
     NEARS,
@@ -38,10 +38,8 @@ from ssgi_cl.techniques.vpl.vpl_light import (
     lit_by_maps,
     refine_param,
 )
-from ssgi_cl.techniques.vpl.vpl_splat import BOX, TILE
 from ssgi_cl.techniques.vpl.vpl_tree import SHARES, VplTree
 from ssgi_cl.techniques.vpl.world_vpls import WorldVpls
-from ssgi_cl.techniques.vpl_struct import VPL
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,7 +156,7 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
         self._chooser = VplChooser(runtime, (self._lights,), params.vpls)
         # Of what is seen through and of what is behind it there is one each at the same time.
         self._occupancy = OccupancyGrid(runtime, params.grid, size, kept=False) if params.visibility else None
-        tiles = (-(-size[0] // TILE), -(-size[1] // TILE))
+        tiles = tiles_of(size)
         self._boxes = runtime.empty(tiles[0] * tiles[1] * BOX, np.float32)
         self.tree = VplTree(
             runtime, self._lights, NEARS.index(params.near), int(params.cutoff > 0.0), self._occupancy, params.share
@@ -225,7 +223,8 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
             self._lights.place(None, camera, more=surfels)
         occupancy = None
         if self._occupancy is not None:
-            occupancy = self._block(gbuffer, self.grid.half(gbuffer), rsms, self._occupancy, scene, self._lights)
+            tiles = bound_tiles(self.runtime, self.grid.half(gbuffer), self._boxes, self._lights)
+            occupancy = self._occupancy.fill(gbuffer, rsms, self._boxes, tiles, self._lights, scene)
             if curve is not None and params.importance:
                 importance = self._importance.run(gbuffer, curve, occupancy=occupancy)
                 self._chooser.place(rsms, camera, kinds=1, importance=importance, more=surfels)
@@ -241,43 +240,11 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
     def block(self, gbuffer: DeviceGBuffer, scene: Scene) -> Occupancy:
         """Queue the passes that find what blocks rays where nothing shone, for other rays."""
         assert self._occupancy is not None  # noqa: S101  of an object with `visibility`
-        corners = box_corners(scene.bounds)
-        dark = Vpls(corners, np.tile([0.0, 0.0, 1.0], (8, 1)), np.zeros((8, 3)), np.ones(8))
-        lights = DeviceVpls(self.runtime, 16)
-        lights.upload(dark, camera_of(gbuffer, self.size))
+        view = camera_of(gbuffer, self.size).view
+        corners = box_corners(scene.bounds) @ view[:3, :3].T + view[:3, 3]
+        unit = power_of_two(float(np.abs(corners).max()))
         solid = device_scene(scene, self.runtime)
-        return self._block(gbuffer, gbuffer, (), self._occupancy, solid, lights)
-
-    def _block(
-        self,
-        gbuffer: DeviceGBuffer,
-        seen: Source,
-        rsms: Sequence[DeviceRsm],
-        grid: OccupancyGrid,
-        scene: DeviceScene | None,
-        lights: DeviceVpls,
-    ) -> Occupancy:
-        """Queue the passes that mark what blocks light.
-
-        The grid spans the lights and what is `seen`: some pixels of the G-buffer, or all.
-        """
-        values = {
-            **dict.fromkeys((name for name, _ in VPL.members), 0),
-            **lights.values,
-            "margin_columns": seen.margin[1],
-            "margin_rows": seen.margin[0],
-        }
-        tiles = (-(-seen.size[0] // TILE), -(-seen.size[1] // TILE))
-        self.runtime.kernel("vpl/vpl_boxes.cl", structs=(CAMERA, VPL)).run(
-            seen.size,
-            grid=tiles,
-            depth=seen.depth,
-            normal=seen.normal,
-            boxes=self._boxes,
-            camera=seen.camera_struct,
-            params=VPL.pack(values),
-        )
-        return grid.fill(gbuffer, rsms, self._boxes, lights.bounds, lights.segments, seen.size, values, scene)
+        return self._occupancy.fill_scene(solid, view, unit, corners.min(axis=0), corners.max(axis=0))
 
     def __call__(
         self, gbuffer: GBuffer | DeviceGBuffer, vpls: Vpls, out: NDArray[np.float32] | None = None
@@ -377,7 +344,7 @@ DESCRIPTOR = Technique(
             "SHADE_PARTS",
             "SHADE_ROWS",
             "VPL_CUT",
-            "VPL_GRID",
+            "OCCUPANCY_CELLS",
             "VPL_NEAR",
             "VPL_VISIBILITY",
         ),

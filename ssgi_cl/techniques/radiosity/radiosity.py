@@ -309,7 +309,7 @@ def radiosity(
     return technique.vpls or Vpls(none, none, none, np.zeros(0))
 
 
-_GRID = ("VPL_GRID",)
+_GRID = ("OCCUPANCY_CELLS",)
 
 DESCRIPTOR = Technique(
     name="radiosity",

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,7 +10,7 @@ from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.vpls import PARTS
 from ssgi_cl.device.constants import FIRST_GROUP, SURFEL_RECORD
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.device.structs import CAMERA, Struct, floats
+from ssgi_cl.device.structs import Struct, floats
 from ssgi_cl.rasterize.raster.device_scene import DeviceScene
 from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.techniques.occupancy.occupancy_grid import OccupancyGrid
@@ -21,13 +19,12 @@ from ssgi_cl.techniques.radiosity.many_lights import traced_lights
 from ssgi_cl.techniques.radiosity.sky_directions import sky_directions
 from ssgi_cl.techniques.radiosity.start_triangles import StartTriangles
 from ssgi_cl.techniques.radiosity.surfels import Surfels, TriangleShares, scene_surfels
-from ssgi_cl.techniques.vpl.packed_vpls import DeviceVpls
-from ssgi_cl.techniques.vpl_struct import VPL
+from ssgi_cl.techniques.vpl.packed_vpls import DeviceVpls, power_of_two
 
 Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]
 
-START = Struct("StartParams", (*floats("lift", "per_unit", "shift_x", "shift_y", "shift_z"), ("vertex_stride", "int")))
+START = Struct("StartParams", (*floats("per_unit", "shift_x", "shift_y", "shift_z"), ("vertex_stride", "int")))
 ROWS = 16
 START_ROWS = slice(6, 9)
 """Of kernels/radiosity/surfel.clh."""
@@ -70,13 +67,13 @@ class DeviceSurfels:
     def __init__(self, runtime: Runtime, cells: int) -> None:
         self.runtime = runtime
         self._grid = OccupancyGrid(runtime, cells, (1, 1))
-        macros, structs = self._grid.macros, (CAMERA, VPL)
-        self._start = runtime.kernel("radiosity/radiosity_start.cl", macros, (*structs, START))
-        self._see = runtime.kernel("radiosity/radiosity_visibility.cl", macros, structs)
+        macros = self._grid.macros
+        self._start = runtime.kernel("radiosity/radiosity_start.cl", macros, (START,))
+        self._see = runtime.kernel("radiosity/radiosity_visibility.cl", macros)
         self._mirror = runtime.kernel("radiosity/radiosity_mirror.cl")
-        self._sky = runtime.kernel("radiosity/radiosity_sky.cl", macros, structs)
-        self._first = runtime.kernel("radiosity/radiosity_first.cl", macros, structs)
-        self._gather = runtime.kernel("radiosity/radiosity_gather.cl", macros, structs)
+        self._sky = runtime.kernel("radiosity/radiosity_sky.cl", macros)
+        self._first = runtime.kernel("radiosity/radiosity_first.cl", macros)
+        self._gather = runtime.kernel("radiosity/radiosity_gather.cl", macros)
 
     def enter(self, scene: Scene) -> None:
         """Take a scene, as yet without surfels: its occupancy grid and the spaces of its air."""
@@ -84,11 +81,11 @@ class DeviceSurfels:
         middle = 0.5 * (low + high)
         half = max(0.5 * float((high - low).max()), 1e-30)
         self.half = half
-        self.unit = 2.0 ** round(math.log2(half))
+        self.unit = power_of_two(half)
         self.camera = Camera.look_at(middle, middle - [0.0, 0.0, half], width=1, height=1)
         self._shift = np.asarray(scene.origin) - middle
         solid = device_scene(scene, self.runtime)
-        self._occupancy = occupancy = self._grid.fill_scene(solid, self.camera.view, self.unit, half)
+        self._occupancy = occupancy = self._grid.fill_scene(solid, self.camera.view, self.unit, -half, half)
         self._near = StartTriangles.of(self.runtime, scene, solid)
         self._shares = TriangleShares.of(scene)
         self._air = Air.of(occupancy.grid.download(), occupancy.cells)
@@ -119,7 +116,7 @@ class DeviceSurfels:
         """Return [n, 3] points above the lights that shine, in cells of the grid."""
         shining = lights[lights[:, 8:11].any(axis=1)]
         box = self._occupancy.box.download()
-        lift = self._occupancy.lift * shining[:, 4:7]  # their normals, turned round
+        lift = box[4] * shining[:, 4:7]  # their normals, turned round
         points: Floats = (shining[:, :3] - box[:3]) * box[3] - lift
         return points
 
@@ -198,7 +195,6 @@ class DeviceSurfels:
         parts[3:, : PARTS * count] = surfels.part_normal.T
         chosen = runtime.empty(stride, np.int32)
         values = {
-            "lift": occupancy.lift,
             "per_unit": 1.0 / self.unit,
             "vertex_stride": solid.vertex_stride,
             **{f"shift_{axis}": float(shift[i]) for i, axis in enumerate("xyz")},
@@ -258,7 +254,6 @@ class DeviceSurfels:
             occupancy=self._occupancy.grid,
             grid_box=self._occupancy.box,
             values=self._values,
-            lift=self._occupancy.lift,
             gain=gain,
         )
         return self._of_surfels(self._values.download())

@@ -28,13 +28,12 @@ from ssgi_cl.techniques.radiosity.radiosity import Radiosity, RadiosityParams
 from ssgi_cl.techniques.reflections.sky_levels import SkyLevels
 from ssgi_cl.techniques.technique import Bench, Technique
 from ssgi_cl.techniques.vpl.vpl_choice import on_device_rsms
-from ssgi_cl.techniques.vpl_struct import VPL
 
 REFLECT = Struct(
     "ReflectParams",
     (
         *floats(*ROTATION, "reach", "thick", "texels_per_angle"),
-        *floats("per_cell", "cell_x", "cell_y", "cell_z"),
+        *floats("per_unit", "per_cell", "cell_x", "cell_y", "cell_z"),
         *((n, "int") for n in ("levels", "margin_columns", "margin_rows")),
     ),
 )
@@ -138,13 +137,15 @@ class Reflections(Prepared[ReflectionsParams]):
             packed = np.concatenate([sent, volume.area[..., None]], axis=-1)
             self._sent.upload(packed.astype(np.float32).ravel())
         reach = volume.side * CELLS
+        per_unit = float(np.float32(1.0 / occupancy.unit))  # as kernels round it
         x, y, z = ((camera.position - volume.low) / volume.side).tolist()
         params = REFLECT.pack(
             {
                 "cell_x": x,
                 "cell_y": y,
                 "cell_z": z,
-                "per_cell": 1.0 / (float(occupancy.rays["per_unit"]) * volume.side),
+                "per_unit": per_unit,
+                "per_cell": 1.0 / (per_unit * volume.side),
                 **rotation_values(camera.view[:3, :3].T),
                 "reach": reach,
                 "thick": self.params.thickness * reach / occupancy.cells,
@@ -168,7 +169,7 @@ class Reflections(Prepared[ReflectionsParams]):
             **occupancy.macros,
         }
         with self._reflected.over(gbuffer.seen) as (reflected, over):
-            self.runtime.kernel("reflections/reflect_trace.cl", macros, (CAMERA, VPL, REFLECT)).run(
+            self.runtime.kernel("reflections/reflect_trace.cl", macros, (CAMERA, REFLECT)).run(
                 self.size,
                 region=over,
                 **seen,
@@ -181,7 +182,6 @@ class Reflections(Prepared[ReflectionsParams]):
                 grid_box=occupancy.box,
                 reflected=reflected,
                 camera=gbuffer.camera_struct,
-                rays=occupancy.rays,
                 params=params,
             )
             mean = self.runtime.transient.plane(3, self.size)
@@ -278,7 +278,7 @@ def reflections(
             light=planes["irradiance"],
             lights=lights,
             shadows=shadows,
-            occupancy=grid.fill_scene(device_scene(scene, runtime), camera.view, half, half),
+            occupancy=grid.fill_scene(device_scene(scene, runtime), camera.view, half, -half, half),
             volume=volume,
         )
         return np.ascontiguousarray(np.moveaxis(planes["radiance"].download(), 0, -1))
@@ -293,7 +293,7 @@ DESCRIPTOR = Technique(
     technique=Reflections,
     reference="ssgi_cl.reference.reflections.reflections",
     kernels={
-        "reflections/reflect_trace.cl": ("REFLECT_RAYS", "REFLECT_STEPS", "REFLECT_CELLS", "VPL_GRID"),
+        "reflections/reflect_trace.cl": ("REFLECT_RAYS", "REFLECT_STEPS", "REFLECT_CELLS", "OCCUPANCY_CELLS"),
         "reflections/reflect_add.cl": ("REFLECT_STRIDE", "REFLECT_LAST"),
     },
     reads=("depth", "normal", "albedo", "specular", "gloss", "lights", "shadow_maps", "scene", "image"),

@@ -9,9 +9,9 @@ from ssgi_cl.device.constants import VPL_MEANS
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA
-from ssgi_cl.techniques.occupancy.occupancy_grid import TURN, Occupancy, packed_turn
+from ssgi_cl.techniques.occupancy.occupancy_grid import TO_VIEW, Occupancy, packed_to_view
 from ssgi_cl.techniques.vpl.flux_curve import CURVE, FluxCurve
-from ssgi_cl.techniques.vpl_struct import VPL
+from ssgi_cl.techniques.vpl.packed_vpls import VPL, packed_params
 
 SUMS = VPL_MEANS
 
@@ -43,7 +43,7 @@ class ViewImportance:
         assert camera is not None  # noqa: S101  a filled G-buffer has one
         if self._importance is None or self._importance.count != SUMS * runs + SUMS:
             self._importance = runtime.empty(SUMS * runs + SUMS, np.float32)
-        structs = (CAMERA, VPL, CURVE, TURN)
+        structs = (CAMERA, VPL, CURVE, TO_VIEW)
         kernel = runtime.kernel("vpl/vpl_view_importance.cl", occupancy.macros, structs)
         for rsm, order, table, map_runs in curve.pieces():
             kernel.run(
@@ -59,9 +59,9 @@ class ViewImportance:
                 grid_box=occupancy.box,
                 importance=self._importance,
                 camera=gbuffer.camera_struct,
-                vpl=occupancy.rays,
+                vpl=packed_params({"per_unit": 1.0 / occupancy.unit}, gbuffer.margin),
                 params=table,
-                turn=packed_turn(rsm.to_view(camera)),
+                turn=packed_to_view(rsm.to_view(camera)),
                 columns=gbuffer.size[1],
                 rows=gbuffer.size[0],
             )

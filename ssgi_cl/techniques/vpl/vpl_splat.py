@@ -16,7 +16,6 @@ from ssgi_cl.core.params import Prepared, param
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.vpls import MOST_VPLS, Vpls
 from ssgi_cl.device.arrays import Plane, Size
-from ssgi_cl.device.constants import VPL_BOX, VPL_TILE
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime, serialised
@@ -25,12 +24,11 @@ from ssgi_cl.rasterize.raster.device_scene import DeviceScene
 from ssgi_cl.techniques.filters.bilateral import Bilateral, BilateralParams
 from ssgi_cl.techniques.occupancy.occupancy_grid import Occupancy, OccupancyGrid, check_grid, grid_param
 from ssgi_cl.techniques.technique import Bench, Technique
-from ssgi_cl.techniques.vpl.packed_vpls import CAPACITY, NEAR_CAPACITY, DeviceVpls, VplChooser
+from ssgi_cl.techniques.vpl.packed_vpls import CAPACITY, NEAR_CAPACITY, VPL, DeviceVpls, VplChooser, packed_params
+from ssgi_cl.techniques.vpl.tile_boxes import BOX, bound_tiles, tiles_of
 from ssgi_cl.techniques.vpl.view_importance import ViewImportance
 from ssgi_cl.techniques.vpl.vpl_light import NEARS, VplParams, camera_of, importance_param, lit_by_maps, refine_param
-from ssgi_cl.techniques.vpl_struct import VPL
 
-TILE, BOX = VPL_TILE, VPL_BOX
 ROWS = 2
 """Rows of pixels of a work-item: each light is read once for all of them."""
 ALL, KEPT, LOST = range(3)
@@ -122,7 +120,7 @@ class VplSplat(Prepared[VplSplatParams]):
                 for most in (params.glossy_vpls, -(-params.glossy_vpls // COARSER))
             )
             self._glossy_chooser = VplChooser(runtime, self._glossy)
-        self._tiles = (-(-size[0] // TILE), -(-size[1] // TILE))
+        self._tiles = tiles_of(size)
         tiles = self._tiles[0] * self._tiles[1]
         lists = tiles * subsets if params.cull else 1
         self._boxes = runtime.empty(tiles * BOX, np.float32)
@@ -167,11 +165,8 @@ class VplSplat(Prepared[VplSplatParams]):
         values = self._begin(gbuffer, vpls, rsms, coarse=self.params.restore and cut)
         self._occupancy = None
         if self._grid is not None:
-            own = {**values, **self._lights.values, "segment": 0, "count": 0}
-            self._occupancy = self._grid.fill(
-                gbuffer, rsms, self._boxes, self._lights.bounds, self._lights.segments, self.size, own, scene
-            )
-            values["lift"] = self._occupancy.lift
+            tiles = self._tiles[0] * self._tiles[1]
+            self._occupancy = self._grid.fill(gbuffer, rsms, self._boxes, tiles, self._lights, scene)
             if vpls is None and self.params.importance:
                 self._choose_by_importance(gbuffer, rsms, self._occupancy)
         self._shine(gbuffer, self._lights, values, KEPT if cut else ALL)
@@ -233,24 +228,9 @@ class VplSplat(Prepared[VplSplatParams]):
         camera = camera_of(gbuffer, self.size)
         params, lights = self.params, self._lights
         self._bring(camera, vpls, rsms, coarse=coarse)
-        values = {
-            **self._cut_values(lights),
-            "lift": 0.0,
-            "refine": params.refine if lights.parted else 0.0,
-            "margin_columns": gbuffer.margin[1],
-            "margin_rows": gbuffer.margin[0],
-        }
+        values = {**self._cut_values(lights), "refine": params.refine if lights.parted else 0.0}
         if params.cull:
-            packed = VPL.pack({**values, **lights.values, "segment": 0, "count": 0})
-            self.runtime.kernel("vpl/vpl_boxes.cl", structs=(CAMERA, VPL)).run(
-                self.size,
-                grid=self._tiles,
-                depth=gbuffer.depth,
-                normal=gbuffer.normal,
-                boxes=self._boxes,
-                camera=gbuffer.camera_struct,
-                params=packed,
-            )
+            bound_tiles(self.runtime, gbuffer, self._boxes, lights)
         return values
 
     def _shine_lobes(
@@ -303,7 +283,7 @@ class VplSplat(Prepared[VplSplatParams]):
         rows, columns = self._tiles
         parted = lights.parted
         for batch in lights.batches():
-            packed = VPL.pack({**values, **lights.values, **batch})
+            packed = packed_params({**values, **lights.values, **batch}, gbuffer.margin)
             if params.cull:
                 macros = {
                     "VPL_CUT": int(part == KEPT),
@@ -358,7 +338,7 @@ class VplSplat(Prepared[VplSplatParams]):
 
     def _interleaved(self, given: dict[str, Any], macros: dict[str, int], *, occupancy: bool) -> None:
         grid = self._occupancy if occupancy else None
-        macros |= grid.macros if grid else {"VPL_GRID": 32}
+        macros |= grid.macros if grid else {"OCCUPANCY_CELLS": 32}
         macros |= {"VPL_VISIBILITY": int(grid is not None), "VPL_SHARE": self.params.share}
         pieces = 16 * (16 // self.runtime.variant.lanes)
         self.runtime.kernel("vpl/vpl_interleaved.cl", macros, (CAMERA, VPL)).run(
@@ -424,12 +404,12 @@ DESCRIPTOR = Technique(
         "vpl/vpl_blocks.cl": (),
         "vpl/vpl_boxes.cl": (),
         "vpl/vpl_cut.cl": ("VPL_GLOSSY", "VPL_MIDDLE", "VPL_WEIGHTED"),
-        "vpl/vpl_grid.cl": ("VPL_GRID",),
+        "occupancy/occupancy_clear.cl": ("OCCUPANCY_CELLS",),
         "vpl/vpl_interleaved.cl": (
             "VPL_ADD",
             "VPL_CUT",
             "VPL_GLOSSY",
-            "VPL_GRID",
+            "OCCUPANCY_CELLS",
             "VPL_NEAR",
             "VPL_PARTS",
             "VPL_SHARE",
@@ -437,16 +417,16 @@ DESCRIPTOR = Technique(
         ),
         "vpl/vpl_lists.cl": ("VPL_CUT", "VPL_GLOSSY", "VPL_PARTS", "VPL_SUBSETS"),
         "vpl/vpl_near.cl": (),
-        "vpl/vpl_occupy.cl": ("VPL_GRID", "VPL_LAYERS"),
+        "occupancy/occupancy_pixels.cl": ("OCCUPANCY_CELLS", "OCCUPANCY_LAYERS"),
         "vpl/vpl_place.cl": ("VPL_GLOSSY", "VPL_PART"),
-        "vpl/vpl_reach.cl": ("VPL_GRID",),
+        "occupancy/occupancy_reach.cl": ("OCCUPANCY_CELLS",),
         "vpl/vpl_partial_sums.cl": ("VPL_GLOSSY", "VPL_WEIGHTED"),
         "vpl/vpl_splat.cl": ("VPL_ADD", "VPL_CUT", "VPL_GLOSSY", "VPL_LISTS", "VPL_NEAR", "VPL_PARTS", "VPL_ROWS"),
         "vpl/vpl_to_view.cl": ("VPL_PART",),
         "vpl/vpl_totals.cl": (),
-        "vpl/vpl_view_importance.cl": ("VPL_GRID",),
+        "vpl/vpl_view_importance.cl": ("OCCUPANCY_CELLS",),
         "vpl/vpl_view_mean.cl": (),
-        "vpl/vpl_voxelize.cl": ("VPL_GRID",),
+        "occupancy/occupancy_voxelize.cl": ("OCCUPANCY_CELLS",),
     },
     reads=("depth", "normal", "rsms", "scene"),
     writes=("irradiance",),

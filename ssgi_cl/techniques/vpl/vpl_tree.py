@@ -24,8 +24,7 @@ from ssgi_cl.device.constants import (
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.techniques.occupancy.occupancy_grid import Occupancy, OccupancyGrid
-from ssgi_cl.techniques.vpl.packed_vpls import DeviceVpls
-from ssgi_cl.techniques.vpl_struct import VPL
+from ssgi_cl.techniques.vpl.packed_vpls import VPL, DeviceVpls, packed_params
 
 CUT = Struct("CutParams", (("first", "int"), ("groups", "int"), *floats("scale", "faint", "bright")))
 
@@ -119,7 +118,7 @@ class VplTree:
             "SHADE_LINE": SHARES.index(share) + 1,
         }
         # Without walls the kernel does not look at the grid.
-        macros |= grid.macros if grid else {"VPL_GRID": 32}
+        macros |= grid.macros if grid else {"OCCUPANCY_CELLS": 32}
         self._macros = macros
 
     def reserve(self, most: int) -> None:
@@ -251,9 +250,7 @@ class VplTree:
                     "lists": self._lists,
                     "counts": self._counts,
                     "cut": cut,
-                    "params": self._packed(
-                        {**values, "lift": occupancy.lift if occupancy else 0.0, **batch}, source.margin
-                    ),
+                    "params": self._packed({**values, **batch}, source.margin),
                 }
                 self._cut.run(
                     source.size,
@@ -304,9 +301,4 @@ class VplTree:
         return self._records.download().reshape(self.lights.segments, -1, RECORD)
 
     def _packed(self, values: dict[str, float], margin: Size) -> Any:
-        return VPL.pack(
-            {**_ZEROS, **self.lights.values, **values, "margin_columns": margin[1], "margin_rows": margin[0]}
-        )
-
-
-_ZEROS = {name: 0 for name, _ in VPL.members}
+        return packed_params({**self.lights.values, **values}, margin)

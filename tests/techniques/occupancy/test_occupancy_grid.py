@@ -261,7 +261,7 @@ def test_small_triangles_occupy_the_cells_of_the_reference(runtime: Runtime) -> 
         triangles=np.arange(12000, dtype=np.int32).reshape(-1, 3),
         material_ids=np.zeros(4000, np.int32),
     )
-    filled = OccupancyGrid(runtime, 32, (1, 1)).fill_scene(device_scene(scene, runtime), np.eye(4), 1.0, 1.0)
+    filled = OccupancyGrid(runtime, 32, (1, 1)).fill_scene(device_scene(scene, runtime), np.eye(4), 1.0, -1.0, 1.0)
     box = filled.box.download().astype(np.float64)
     held = Air.of(filled.grid.download(), 32).numbers == 0
     expected = np.zeros_like(held)

@@ -81,7 +81,7 @@ def added(
         plane.upload(np.moveaxis(values, -1, 0).astype(np.float32))
     with runtime.frame():
         occupancy = OccupancyGrid(runtime, CUBE, device.size).fill_scene(
-            DeviceScene(runtime, blocks), gbuffer.camera.view, HALF, HALF
+            DeviceScene(runtime, blocks), gbuffer.camera.view, HALF, -HALF, HALF
         )
         Reflections(runtime, device.size).run(
             device,

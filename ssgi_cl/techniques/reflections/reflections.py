@@ -269,9 +269,6 @@ def reflections(
     corners = box_corners(scene.bounds)
     half = float(np.abs(corners @ camera.view[:3, :3].T + camera.view[:3, 3]).max())
     with runtime.frame():
-        surfaces.run(scene, lights, rsms=maps)
-        volume = surfaces.volume
-        assert volume is not None  # noqa: S101  after a run
         technique.run(
             device,
             planes["radiance"],
@@ -279,7 +276,7 @@ def reflections(
             lights=lights,
             shadows=shadows,
             occupancy=grid.fill_scene(device_scene(scene, runtime), camera.view, half, -half, half),
-            volume=volume,
+            volume=surfaces.run(scene, lights, rsms=maps).volume,
         )
         return np.ascontiguousarray(np.moveaxis(planes["radiance"].download(), 0, -1))
 

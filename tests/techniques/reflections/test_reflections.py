@@ -21,7 +21,7 @@ from ssgi_cl.reference.direct.shade import world_surface
 from ssgi_cl.reference.phong import Lobes
 from ssgi_cl.reference.reflections.reflections import Screen, added_reference, arriving_reference
 from ssgi_cl.techniques.occupancy.occupancy_grid import OccupancyGrid
-from ssgi_cl.techniques.radiosity.light_volume import CELLS, FACES, LightVolume
+from ssgi_cl.techniques.radiosity.light_volume import CELLS, FACES, LightVolume, SentLight
 from ssgi_cl.techniques.radiosity.radiosity import RadiosityParams
 from ssgi_cl.techniques.reflections.reflections import Reflections, ReflectionsParams, reflections
 
@@ -61,7 +61,9 @@ FAR_AWAY = quads(((500, 500, 500), (1, 0, 0), (0, 1, 0)))
 def even(value: float) -> LightVolume:
     """Return a volume of surfaces that all send the same."""
     shape = (CELLS, CELLS, CELLS, FACES)
-    return LightVolume(np.full(3, -HALF), 2.0 * HALF / CELLS, np.full((*shape, 3), value), np.ones(shape))
+    volume = LightVolume(SentLight.none(), np.full(3, -HALF), 2.0 * HALF)
+    vars(volume)["_sides"] = np.full((*shape, 3), value), np.ones(shape)
+    return volume
 
 
 def added(

@@ -1,4 +1,4 @@
-"""The grid of seen surfaces, and view rays through it, in float64."""
+"""Occupancy grid, and shadow rays through it, in float64."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ SLOPE = 0.015
 APART = 16.0
 """Cells between two pixels that are filled; PIXEL_MOST_APART in kernels/occupancy/occupancy_pixels.cl."""
 BEND = 0.5
-"""Of the step to the next pixel, by which steps of one surface may differ; PIXEL_BEND there."""
+"""Difference between steps of one surface, over the step to the next pixel; PIXEL_BEND there."""
 
 
 class OccupancyGridReference:
-    """Which of cells^3 cubes hold a surface.
+    """Occupied cells of cells^3 cubes.
 
     Without `triangles` cells that hold a point of a surface, or of a line between neighbours on
     one; with them, those that they occupy, see `voxelized`.

@@ -1,4 +1,4 @@
-"""Where to compute a result that is smooth in most places, and what it is in between."""
+"""Multiresolution grid: the points at which a mostly smooth result is computed, and interpolation between."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ STEPS = (1, 2, 4, 8, 16, 32)
 COARSE_BOUND = 4.0
 """Error allowed at step 1, in parts of that which is asked for; see `bound_scale`."""
 BOUND_POWER = -1.0
-"""Of the step, by which coarser levels are allowed less."""
+"""Power of the step by which coarser levels are allowed less."""
 BEGINS, ENDS = 0.8, 1.1
-"""In parts of the bound: estimated errors at which a point begins to be computed, and from which on
-nothing of it is interpolated. Neither a pixel nor its light jumps in between."""
+"""Estimated errors at which a point begins to be computed, and from which on nothing of it is
+interpolated, in parts of the bound. Neither a pixel nor its light jumps in between."""
 NO_SECOND_DIFFERENCE = 0.15
 """Estimated error where no second difference is known, in largest differences between corners."""
 BEYOND = 1.4
@@ -45,7 +45,7 @@ MOST_CHANNELS = 16
 
 @dataclass(frozen=True, kw_only=True)
 class MultiresGridParams(Params):
-    """Which points of a level stand for which others."""
+    """Parameters of the levels of points and of the weights of interpolation."""
 
     coarsest: int = param(
         16,

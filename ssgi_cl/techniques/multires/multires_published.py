@@ -78,7 +78,7 @@ class MultiresPublished(Prepared[MultiresPublishedParams]):
     """
 
     name: ClassVar[str] = "multires published"
-    """Of the pass that is skipped where no light is."""
+    """Name of the pass that is reported as skipped without light."""
 
     def __init__(self, runtime: Runtime, size: Size, params: MultiresPublishedParams | None = None) -> None:
         self.runtime = runtime

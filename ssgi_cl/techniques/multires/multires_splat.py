@@ -1,4 +1,4 @@
-"""One bounce of light from virtual point lights, computed where it is not smooth."""
+"""Multiresolution splatting: one-bounce indirect light, computed where it is not smooth."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ class MultiresSplatKeywords(TypedDict, total=False):
 
 @dataclass(frozen=True, eq=False)
 class Gathered:
-    """What `MultiresSplat.gather` returns.
+    """Result of `MultiresSplat.gather`.
 
     Attributes:
         irradiance: 3 images, W/m^2, in memory that the next run writes to.
@@ -142,7 +142,7 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
     """
 
     name: ClassVar[str] = "multires splat"
-    """Of the pass that is skipped where no light is."""
+    """Name of the pass that is reported as skipped without light."""
 
     def __init__(
         self, runtime: Runtime, size: Size, params: MultiresSplatParams | None = None, *, surfels: int = 0

@@ -1,4 +1,4 @@
-"""Occupancy grid: the surfaces of a scene, or what is seen of them, that block shadow rays."""
+"""Occupancy grid: cells that hold surfaces of a scene, or those seen, which block shadow rays."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ TO_VIEW = Struct("ToViewParams", floats("xx", "xy", "xz", "x", "yx", "yy", "yz",
 """Rows of a matrix to view space."""
 GRIDS = (32, 64, 128, 256)
 MOST_CELLS = 128
-"""That are chosen: with 256 view rays take twice the time, and few scenes gain."""
+"""Cells chosen by default at most: with 256 shadow rays take twice the time, and few scenes gain."""
 BLOCK = OCCUPANCY_BLOCK
 BOX = 5
 """Floats that say where a grid is."""
@@ -81,7 +81,7 @@ class Occupancy:
 
     @property
     def macros(self) -> dict[str, int]:
-        """Of kernels that include kernels/occupancy/grid.clh."""
+        """Macros of kernels that include kernels/occupancy/grid.clh."""
         return {"OCCUPANCY_CELLS": self.cells}
 
 

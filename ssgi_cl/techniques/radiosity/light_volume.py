@@ -1,4 +1,4 @@
-"""Radiance that a scene's surfaces send, by place and direction: for rays that leave the image."""
+"""Light volume: radiance of a scene's surfaces by place and direction, for rays that leave the image."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 Doubles = NDArray[np.float64]
 
 CELLS = 32
-"""Along a side of the volume."""
+"""Cells along a side of the volume."""
 FAINT = 1e-3
-"""Of a cell's side, that surfaces take up which stand in for others."""
+"""Area that surfaces from another cell are given in an empty one, in sides of a cell squared."""
 FACES = 6
 """Directions that surfaces of a cell face: +x, -x, +y, -y, +z, -z."""
 

@@ -1,4 +1,4 @@
-"""All bounces of light, and light of emissive surfaces, carried by surfels."""
+"""Radiosity on surfels: all bounces of light, and the light of emissive surfaces."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]
 
 CONVERGED = 2e-3
-"""Of the flux, that bounces still to come have at most."""
+"""Share of the flux that the bounces not computed have at most."""
 MOST_BOUNCES = 2000
 LEAST_ABSORBED = 2e-3
-"""Of the light, at each bounce: with less the sum of all bounces is not computed."""
+"""Least share of the light absorbed at each bounce: with less the sum of all bounces is not computed."""
 SETTLED = 50
 """Bounces after which the ratio of one to the one before is that of all later ones."""
 

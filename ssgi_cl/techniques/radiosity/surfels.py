@@ -15,7 +15,7 @@ from ssgi_cl.rasterize.files.textures import srgb_to_linear
 Doubles = NDArray[np.float64]
 
 CURVE_BITS = 10
-"""Of each coordinate along the Hilbert curve."""
+"""Bits of each coordinate along the Hilbert curve."""
 
 _DECODE = srgb_to_linear(np.arange(256) / 255.0)
 
@@ -82,7 +82,7 @@ is small, and the shadows of its light are as soft as it has surfels."""
 
 @dataclass(frozen=True, eq=False)
 class TriangleShares:
-    """Which part of a scene's surfels each triangle gets.
+    """Shares of a scene's surfels by triangle.
 
     Attributes:
         ends: [n] float64: parts of each triangle and all before it, up to 1; 0 if none has area.

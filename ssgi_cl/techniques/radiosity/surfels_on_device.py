@@ -1,4 +1,4 @@
-"""Surfels in device memory: what they see, and the light that they receive."""
+"""Surfels in device memory: their visibility and irradiance."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ Doubles = NDArray[np.float64]
 START = Struct("StartParams", (*floats("per_unit", "shift_x", "shift_y", "shift_z"), ("vertex_stride", "int")))
 ROWS = 16
 START_ROWS = slice(6, 9)
-"""Of kernels/radiosity/surfel.clh."""
+"""Rows of a surfel, and those of the start of its rays: kernels/radiosity/surfel.clh."""
 PILOT = 512
-"""Surfels from which it is estimated how many sides of surfaces take part."""
+"""Surfels from which the share of surface sides that take part is estimated."""
 LEAST_SHARE = 0.25
-"""Of sides that are taken to take part."""
+"""Least such share."""
 PILOT_DIRECTIONS = 32
-"""In which a surfel looks for any surface."""
+"""Directions in which a surfel of the pilot looks for any surface."""
 ROOM = 0.02
 """Part of the pilot's surfels that a space has at least which is left out where no light enters it:
 the smaller ones gain little, and lights that move would open and close them."""
 RAYS = 1024
-"""To virtual point lights that a surfel traces, about."""
+"""Rays to virtual point lights that a surfel traces, about."""
 OPEN = 0.9999
-"""Part of the hemisphere that a surfel has open which sees no surface."""
+"""Unoccluded share of the hemisphere from which on a surfel sees no surface."""
 MOST_ROW = 1.5
 """Factor by which form factors of what a surfel sees are raised, at most. Where less of what covers
 its hemisphere is visible, the grid is too coarse for the place, and what is visible may be seen

@@ -1,4 +1,4 @@
-"""What glossy surfaces reflect: lights, and what rays within their lobes meet."""
+"""Reflections of glossy surfaces: lights, and rays within the lobes."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from ssgi_cl.techniques.direct.shade import sky_image
 Doubles = NDArray[np.float64]
 
 MOST_ROWS = 256
-"""Of the largest image: larger ones are averaged first."""
+"""Rows of the largest image: larger ones are averaged first."""
 
 
 class SkyLevels:

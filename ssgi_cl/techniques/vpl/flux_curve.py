@@ -1,4 +1,4 @@
-"""What reflective shadow maps reflect, strung along Hilbert curves and cut into equal pieces."""
+"""Cumulative flux of reflective shadow maps along Hilbert curves, and its cuts into equal pieces."""
 
 from __future__ import annotations
 

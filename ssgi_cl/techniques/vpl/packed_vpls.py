@@ -48,7 +48,7 @@ NEAR_CAPACITY = 1024
 LIGHT, BOUNDS = VPL_LIGHT, VPL_BOUNDS
 LOBE_LIGHT, LOBE_BOUNDS = VPL_LOBE_LIGHT, VPL_LOBE_BOUNDS
 LEAST_AREA = 1e-12
-"""Of a light, in squares of the lights' distance from the eye: float32 holds its products."""
+"""Least area of a light, in squares of the lights' distance from the eye: float32 holds its products."""
 BRIGHTEST = 1e30
 """W, or W per square unit: more counts as this."""
 LEAST_REACH, MOST_REACH = 1e-15, 1e14

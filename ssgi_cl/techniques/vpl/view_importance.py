@@ -1,4 +1,4 @@
-"""What the texels of reflective shadow maps send to the image: where lights are worth having."""
+"""View importance: irradiance that texels of reflective shadow maps give to the image, per watt."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Choosing virtual point lights: pieces of equal luminous flux of the lit texels of maps."""
+"""Choice of virtual point lights: pieces of equal luminous flux of the lit texels of maps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What techniques share that are lit by virtual point lights."""
+"""Parameters and helpers shared by the techniques that are lit by virtual point lights."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One bounce of light, shot: virtual point lights shine on the pixels within their bounds."""
+"""Splatting of virtual point lights: one-bounce indirect light at every pixel."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ class VplSplat(Prepared[VplSplatParams]):
     """
 
     name: ClassVar[str] = "vpl splat"
-    """Of the pass that is skipped where no light is."""
+    """Name of the pass that is reported as skipped without light."""
 
     def __init__(self, runtime: Runtime, size: Size, params: VplSplatParams | None = None) -> None:
         self.runtime = runtime

@@ -1,4 +1,4 @@
-"""Virtual point lights as a tree: where their light varies little, few stand for many."""
+"""Light tree over virtual point lights, and its cuts: few lights stand for many."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ CUT = Struct("CutParams", (("first", "int"), ("groups", "int"), *floats("scale",
 RECORD, BOUNDS, LEAF = TREE_RECORD, TREE_BOUNDS, TREE_LEAF
 GROUP, SAMPLE = CUT_GROUP, CUT_SAMPLE
 SAMPLES = 1024
-"""That the mean irradiance is estimated from; a multiple of every number of lanes."""
+"""Samples from which the mean irradiance is estimated; a multiple of every number of lanes."""
 LISTED = 1 << 23
 """Places of the lists of one pass, and floats of its samples, which bounds their memory."""
 ROWS = 4
@@ -40,13 +40,13 @@ With walls half of them, as view rays need registers."""
 SHARES = (4, 16, 64)
 """Lights that may share a shadow ray: those of a run."""
 BRIGHT = 0.35
-"""Of the error that is allowed of runs: of 16 lights that send more, every 4 have a shadow ray.
+"""Part of the error allowed of clusters: of 16 lights that send more, every 4 have a shadow ray.
 FLIP of whole frames of 400 x 300, without it and with: parlour .095 and .090, hall .151 and .148,
 workshop .169 and .167, terrace .060 and .060; kept frames take 7 to 17 % more indoors, and as long
 as before outdoors. 4 lights for every ray give .090, .146, .168 and .060 in 1.2 to 1.7 times the
 time."""
 FAINT = 0.25
-"""Of the error that is allowed of runs: 64 lights that send less have one shadow ray. In whole
+"""Part of the error allowed of clusters: 64 lights that send less have one shadow ray. In whole
 frames of 400 x 300, 0.5 raises the FLIP of the parlour from .119 to .129. Where all light is 5
 times that of the lights it is up to twice as much: the terrace takes 10 % less time for the same
 FLIP, the Japanese garden 8 % for .035 in place of .034."""

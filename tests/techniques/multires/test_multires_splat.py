@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.vpls import Vpls
-from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.rsm import on_device_rsm
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import gbuffer as drawn
@@ -30,7 +29,8 @@ from ssgi_cl.techniques.vpl.vpl_tree import GROUP, SHARES
 from ssgi_cl.truth import one_bounce
 
 from ..analytic import Plane, camera, scene, trace
-from ..vpl.test_vpl_tree import lights, uploaded
+from ..vpl.given import assert_second_run_allocates_nothing, assert_what_does_not_fit_is_refused, cornell_box, uploaded
+from ..vpl.test_vpl_tree import lights
 
 Floats = NDArray[np.float32]
 
@@ -270,9 +270,7 @@ def full_on_device(runtime: Runtime, gbuffer: GBuffer, vpls: Vpls) -> Floats:
 
 
 def test_parts_bring_light_near_its_receivers_closer_to_all_texels(runtime: Runtime) -> None:
-    made = BUILTIN_SCENES["cornell_box"]()
-    gbuffer = drawn(made.scene, made.camera(160, 120), runtime=runtime)
-    seen = rsm(made.scene, made.lights[0], size=256, runtime=runtime)  # type: ignore[arg-type]
+    gbuffer, seen = cornell_box(runtime, 160, 120, 256)
     every = vpl_splat(gbuffer, seen, 1 << 16, 0.0, runtime=runtime)
     found = [
         multires_splat(gbuffer, seen, 1024, 0.005, light_error=0.001, refine=r, runtime=runtime) for r in (4.0, 0.0)
@@ -290,9 +288,7 @@ def test_parts_bring_light_near_its_receivers_closer_to_all_texels(runtime: Runt
 @pytest.fixture
 def walled(runtime: Runtime) -> tuple[GBuffer, Any, Vpls]:
     """The Cornell box with two layers, its light's map, and lights from it."""
-    made = BUILTIN_SCENES["cornell_box"]()
-    gbuffer = drawn(made.scene, made.camera(72, 54), layers=2, overscan=0.1, runtime=runtime)
-    seen = rsm(made.scene, made.lights[0], size=64, runtime=runtime)  # type: ignore[arg-type]
+    gbuffer, seen = cornell_box(runtime, 72, 54, 64, layers=2, overscan=0.1)
     return gbuffer, seen, choose_vpls(seen, 500, runtime=runtime)
 
 
@@ -434,9 +430,7 @@ def test_no_light_is_skipped_and_said(runtime: Runtime) -> None:
 
 
 def test_a_map_without_light_gives_none(runtime: Runtime) -> None:
-    made = BUILTIN_SCENES["cornell_box"]()
-    gbuffer = drawn(made.scene, made.camera(40, 30), runtime=runtime)
-    seen = rsm(made.scene, made.lights[0], size=32, runtime=runtime)  # type: ignore[arg-type]
+    gbuffer, seen = cornell_box(runtime, 40, 30, 32)
     dark = replace(seen, flux=np.zeros_like(np.asarray(seen.flux)))
     np.testing.assert_array_equal(multires_splat(gbuffer, dark, 64, runtime=runtime), 0.0)
     assert multires_splat(gbuffer, seen, 64, runtime=runtime).any()
@@ -500,11 +494,7 @@ def test_second_call_allocates_and_builds_nothing_and_gives_bit_identical_result
 ) -> None:
     gbuffer, vpls = uploaded(variant_runtime, scene("ball", camera(), rng)), lights(rng)
     technique = MultiresSplat(variant_runtime, gbuffer.size)
-    first = technique.run(gbuffer, vpls).download()
-    before = variant_runtime.allocated_bytes, variant_runtime.builds
-    second = technique.run(gbuffer, vpls).download()
-    assert (variant_runtime.allocated_bytes, variant_runtime.builds) == before
-    np.testing.assert_array_equal(first, second)
+    assert_second_run_allocates_nothing(variant_runtime, lambda: technique.run(gbuffer, vpls))
 
 
 # ---- bad input
@@ -539,9 +529,4 @@ def test_other_sizes_too_many_lights_and_an_empty_gbuffer_are_refused(
     runtime: Runtime, rng: np.random.Generator
 ) -> None:
     technique = MultiresSplat(runtime, (8, 8), MultiresSplatParams(vpls=10))
-    with pytest.raises(ValueError, match=r"size is \(9, 9\): expected \(8, 8\)"):
-        technique.run(uploaded(runtime, wall((9, 9))), lights(rng, 5))
-    with pytest.raises(ValueError, match=r"vpls has 11 lights: expected at most 10"):
-        technique.run(uploaded(runtime, wall((8, 8))), lights(rng, 11))
-    with pytest.raises(ValueError, match=r"the device G-buffer is empty"):
-        technique.run(DeviceGBuffer(runtime, (8, 8)), lights(rng, 5))
+    assert_what_does_not_fit_is_refused(runtime, technique, lights(rng, 11))

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.vpls import Vpls
 from ssgi_cl.device.arrays import DeviceArray
-from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import gbuffer as drawn
 from ssgi_cl.rasterize import rsm
@@ -28,6 +27,7 @@ from ssgi_cl.techniques.vpl.vpl_splat import VplSplatParams
 from ssgi_cl.techniques.vpl.vpl_tree import GROUP, VplTree
 
 from ..analytic import CAMERAS, camera, scene
+from .given import uploaded
 
 SHARE = 0.25
 """Of what is computed, which is added to what is there."""
@@ -45,12 +45,6 @@ def lights(rng: np.random.Generator, count: int = 300) -> Vpls:
         rng.uniform(0.5, 1.0, (count, 3)),
         rng.uniform(1e-3, 1e-2, count),
     )
-
-
-def uploaded(runtime: Runtime, gbuffer: GBuffer) -> DeviceGBuffer:
-    device = DeviceGBuffer(runtime, gbuffer.size, layers=gbuffer.layers, margin=gbuffer.margin)
-    device.upload(gbuffer)
-    return device
 
 
 def every_pixel(runtime: Runtime, seen: NDArray[np.bool_]) -> DeviceArray:

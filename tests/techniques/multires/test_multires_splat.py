@@ -167,21 +167,9 @@ def test_constant_light_stays_constant(variant_runtime: Runtime) -> None:
 def test_sharp_light_on_a_flat_wall_is_not_blurred(runtime: Runtime) -> None:
     # Hot spots two to six pixels wide, between the points of the coarsest level.
     at = [(0.13, 0.21), (-0.71, 0.43), (0.9, -0.66)]
-    gbuffer, vpls = (
-        wall(),
-        Vpls(
-            *(
-                np.concatenate(pair)
-                for pair in zip(
-                    *(
-                        (v.position, v.normal, v.flux, v.area)
-                        for v in (spots(at, 0.25, 1e-2), spots([(0.0, 0.0)], 3.0, 10.0))
-                    ),
-                    strict=True,
-                )
-            )
-        ),
-    )
+    sharp_spots, wide = spots(at, 0.25, 1e-2), spots([(0.0, 0.0)], 3.0, 10.0)
+    both = ((v.position, v.normal, v.flux, v.area) for v in (sharp_spots, wide))
+    gbuffer, vpls = wall(), Vpls(*map(np.concatenate, zip(*both, strict=True)))
     wanted = full(gbuffer, vpls)
     seen = np.ones(wanted.shape[:2], np.bool_)
     sharp, technique = splatted(runtime, gbuffer, vpls, interpolation_error=0.01)
@@ -243,18 +231,8 @@ def test_a_path_of_sixty_frames_pops_little_more_than_all_lights_at_all_pixels(r
             mean = images[1][near > 0.0].mean()
             few, every = (np.abs(one - other).max(axis=-1) / mean for one, other in zip(images, before[1], strict=True))
             calm = few[same & (every < 0.002)]
-            fractions.append(
-                [
-                    np.mean(jumps > limit)
-                    for jumps, limit in (
-                        (few[same], 0.01),
-                        (every[same], 0.01),
-                        (calm, 0.01),
-                        (calm, 0.02),
-                        (calm, 0.05),
-                    )
-                ]
-            )
+            changes = ((few[same], 0.01), (every[same], 0.01), (calm, 0.01), (calm, 0.02), (calm, 0.05))
+            fractions.append([np.mean(jumps > limit) for jumps, limit in changes])
         before = near, images
     # Measured in the Cornell box and the hall: 0.0024 and 0.0249 of the pixels change by more than
     # a hundredth of the mean, where with all lights at all pixels it is 0.0019 and 0.0239. Of those

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.lights import Environment
-from ssgi_cl.core.scene import Material, Scene
+from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.gbuffer import on_device
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.raster.device_scene import DeviceScene
@@ -25,6 +24,7 @@ from ssgi_cl.techniques.radiosity.light_volume import CELLS, FACES, LightVolume,
 from ssgi_cl.techniques.radiosity.radiosity import RadiosityParams
 from ssgi_cl.techniques.reflections.reflections import Reflections, ReflectionsParams, reflections
 
+from ...closed_forms import quads
 from ..analytic import Ball, Plane, camera, trace
 
 Doubles = NDArray[np.float64]
@@ -33,25 +33,6 @@ HALF = 8.0
 CUBE = 128
 """Cells along a side of the occupancy grid."""
 DEFAULTS = ReflectionsParams()
-
-
-def quads(*parts: Sequence[Sequence[float]]) -> Scene:
-    """Return a scene of parallelograms: corner and two edges each."""
-    points = []
-    for part in parts:
-        corner, first, second = (np.asarray(p, np.float64) for p in part)
-        points += [corner, corner + first, corner + first + second, corner + second]
-    faces = [[4 * i + k for k in t] for i in range(len(parts)) for t in ((0, 1, 2), (0, 2, 3))]
-    count = len(points)
-    return Scene(
-        positions=np.asarray(points, np.float32),
-        normals=np.zeros((count, 3), np.float32),
-        uvs=np.zeros((count, 2), np.float32),
-        colors=np.ones((count, 3), np.float32),
-        triangles=np.asarray(faces, np.int32),
-        material_ids=np.zeros(len(faces), np.int32),
-        materials=(Material(),),
-    )
 
 
 FAR_AWAY = quads(((500, 500, 500), (1, 0, 0), (0, 1, 0)))

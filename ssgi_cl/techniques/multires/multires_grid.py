@@ -17,6 +17,7 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats
+from ssgi_cl.techniques.vpl.vpl_light import camera_of
 
 MULTIRES = Struct(
     "MultiresParams",
@@ -246,10 +247,7 @@ class MultiresGrid(Prepared[MultiresGridParams]):
         Raises:
             ValueError: a G-buffer of another size, or an empty one.
         """
-        if gbuffer.size != self.size:
-            raise ValueError(f"the G-buffer's size is {gbuffer.size}: expected {self.size}")
-        if gbuffer.camera is None:
-            raise ValueError("the device G-buffer is empty: draw or upload something first")
+        camera_of(gbuffer, self.size)
         finer: Source = gbuffer
         for points in reversed(self._points):
             points.update(finer)

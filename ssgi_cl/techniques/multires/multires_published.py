@@ -105,9 +105,7 @@ class MultiresPublished(Prepared[MultiresPublishedParams]):
 
         Args:
             gbuffer: what the camera sees; its front layer alone counts, and not its margin.
-            vpls: at most as many as the parameters say; None to choose them from `rsms` on the
-                device, where nothing is done again as long as the maps stay the same.
-            rsms: what the lights are chosen from.
+            vpls, rsms: see `VplSplat.run`.
 
         Raises:
             ValueError: the G-buffer is empty or has another size, or there are too many lights.

@@ -194,12 +194,7 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
         """Queue the passes; return irradiance, and what blocked light.
 
         Args:
-            gbuffer: what the camera sees; with `visibility`, all its layers and its margin block
-                light.
-            vpls: at most as many as the parameters say; None to choose them from `rsms` on the
-                device, where nothing is done again as long as the maps stay the same.
-            rsms: what the lights are chosen from; with `visibility`, what else blocks light.
-            scene: with `visibility`, the triangles that block light in place of what is seen.
+            gbuffer, vpls, rsms, scene: see `VplSplat.run`.
             surfels: lights besides those that are chosen from `rsms`, such as `Radiosity` returns;
                 at most as many as this was prepared for, and `vpls` is None.
             other_light: planes of irradiance in W/m^2 that the result is added to: errors are

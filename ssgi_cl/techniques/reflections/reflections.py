@@ -28,6 +28,7 @@ from ssgi_cl.techniques.radiosity.radiosity import Radiosity, RadiosityParams
 from ssgi_cl.techniques.reflections.sky_levels import SkyLevels
 from ssgi_cl.techniques.technique import Bench, Technique
 from ssgi_cl.techniques.vpl.vpl_choice import on_device_rsms
+from ssgi_cl.techniques.vpl.vpl_light import camera_of
 
 REFLECT = Struct(
     "ReflectParams",
@@ -128,8 +129,7 @@ class Reflections(Prepared[ReflectionsParams]):
         occupancy: Occupancy,
         volume: LightVolume,
     ) -> None:
-        camera = gbuffer.camera
-        assert camera is not None  # noqa: S101  a filled G-buffer has one
+        camera = camera_of(gbuffer, self.size)
         self._sky.set(environments_of(lights))
         if volume is not self._volume:
             self._volume = volume
@@ -245,9 +245,8 @@ def reflections(
         raise TypeError(f"scene is {type(scene).__name__}: expected a Scene")
     chosen, sent = ReflectionsParams(**params), radiosity or RadiosityParams()
     device = on_device(gbuffer, runtime)
-    runtime, size, camera = device.runtime, device.size, device.camera
-    if camera is None:
-        raise ValueError("the device G-buffer is empty: draw or upload something first")
+    runtime, size = device.runtime, device.size
+    camera = camera_of(device, size)
     given = {"radiance": (radiance, "W m^-2 sr^-1", 1.0), "irradiance": (irradiance, "W/m^2", 1.0 / np.pi)}
     planes = {}
     for name, (array, unit, scale) in given.items():

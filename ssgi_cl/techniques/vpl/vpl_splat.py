@@ -161,39 +161,36 @@ class VplSplat(Prepared[VplSplatParams]):
             ValueError: the G-buffer has another size, there are too many lights, or neither lights
                 nor maps.
         """
-        cut = self.params.cutoff > 0.0
-        values = self._begin(gbuffer, vpls, rsms, coarse=self.params.restore and cut)
-        self._occupancy = None
+        camera, cut = camera_of(gbuffer, self.size), self.params.cutoff > 0.0
+        kinds = 2 if self.params.restore and cut else 1
+        values = self._begin(gbuffer, camera, vpls, rsms, kinds)
+        occupancy = None
         if self._grid is not None:
             tiles = self._tiles[0] * self._tiles[1]
-            self._occupancy = self._grid.fill(gbuffer, rsms, self._boxes, tiles, self._lights, scene)
+            occupancy = self._grid.fill(gbuffer, rsms, self._boxes, tiles, self._lights, scene)
             if vpls is None and self.params.importance:
-                self._choose_by_importance(gbuffer, rsms, self._occupancy)
-        self._shine(gbuffer, self._lights, values, KEPT if cut else ALL)
-        if self.params.restore and cut:
-            self._shine(gbuffer, self._coarse, values, LOST, add=True)
-        if self._glossy:
-            self._shine_lobes(gbuffer, values, glossy, rsms)
+                curve = self._chooser.place(rsms, camera, kinds=kinds)
+                importance = self._importance.run(gbuffer, curve, occupancy=occupancy)
+                self._chooser.place(rsms, camera, kinds=kinds, importance=importance)
+        parts = (KEPT if cut else ALL, LOST)[:kinds]
+        for part, lights in zip(parts, (self._lights, self._coarse), strict=False):
+            self._shine(gbuffer, lights, values, part, occupancy, add=part == LOST)
+        if self._glossy and self._place_lobes(camera, glossy, rsms, kinds):
+            for part, lights in zip(parts, self._glossy, strict=False):
+                own = {**values, **self._cut_values(lights), "refine": 0.0}
+                self._shine(gbuffer, lights, own, part, occupancy, add=True)
         if self._blur is None:
             return self._irradiance
         return self._blur.run(gbuffer, self._irradiance)
-
-    def _choose_by_importance(self, gbuffer: DeviceGBuffer, rsms: Sequence[DeviceRsm], occupancy: Occupancy) -> None:
-        """Queue the passes that choose the lights anew, by what they send to the image."""
-        assert gbuffer.camera is not None  # noqa: S101  _begin saw to it
-        kinds = 2 if self.params.restore and self.params.cutoff > 0.0 else 1
-        curve = self._chooser.place(rsms, gbuffer.camera, kinds=kinds)
-        importance = self._importance.run(gbuffer, curve, occupancy=occupancy)
-        self._chooser.place(rsms, gbuffer.camera, kinds=kinds, importance=importance)
 
     def lost(self, gbuffer: DeviceGBuffer, vpls: Vpls) -> float:
         """Return which share of the image's irradiance the cutoff leaves out, walls aside."""
         if self.params.cutoff == 0.0:
             return 0.0
-        values = self._begin(gbuffer, vpls, coarse=True)
+        values = self._begin(gbuffer, camera_of(gbuffer, self.size), vpls, (), 2)
         sums = []
         for lights, part in ((self._lights, KEPT), (self._coarse, LOST)):
-            self._shine(gbuffer, lights, values, part, occupancy=False)
+            self._shine(gbuffer, lights, values, part)
             sums.append(float(self._irradiance.download().sum(dtype=np.float64)))
         return sums[1] / sum(sums) if sum(sums) > 0.0 else 0.0
 
@@ -209,39 +206,29 @@ class VplSplat(Prepared[VplSplatParams]):
             result[at] = numbers[at][: counts[at]] * counts.shape[-1] + at[-1]
         return result
 
-    def _bring(self, camera: Camera, vpls: Vpls | None, rsms: Sequence[DeviceRsm], *, coarse: bool) -> None:
-        """Bring the lights to the device, or choose them there."""
+    def _begin(
+        self, gbuffer: DeviceGBuffer, camera: Camera, vpls: Vpls | None, rsms: Sequence[DeviceRsm], kinds: int
+    ) -> dict[str, float]:
+        """Bring the lights to the device or choose them there; return the struct's rest.
+
+        With two `kinds` the coarse ones too. The tiles' bounds are queued.
+        """
+        params, lights = self.params, self._lights
         if vpls is not None:
-            self._lights.upload(vpls, camera)
-            if coarse:
-                coarse_vpls = vpls.merged(self._coarse.most)
-                self._coarse.upload(coarse_vpls, camera, self._lights.unit)
+            lights.upload(vpls, camera)
+            if kinds == 2:
+                self._coarse.upload(vpls.merged(self._coarse.most), camera, lights.unit)
         elif rsms:
-            self._chooser.place(rsms, camera, kinds=2 if coarse else 1)
+            self._chooser.place(rsms, camera, kinds=kinds)
         else:
             raise ValueError("vpls is None and there are no maps: expected one of them at least")
-
-    def _begin(
-        self, gbuffer: DeviceGBuffer, vpls: Vpls | None, rsms: Sequence[DeviceRsm] = (), *, coarse: bool
-    ) -> dict[str, float]:
-        """Bring the lights to the device, queue the tiles' bounds; return the struct's rest."""
-        camera = camera_of(gbuffer, self.size)
-        params, lights = self.params, self._lights
-        self._bring(camera, vpls, rsms, coarse=coarse)
         values = {**self._cut_values(lights), "refine": params.refine if lights.parted else 0.0}
         if params.cull:
             bound_tiles(self.runtime, gbuffer, self._boxes, lights)
         return values
 
-    def _shine_lobes(
-        self, gbuffer: DeviceGBuffer, values: dict[str, float], glossy: Vpls | None, rsms: Sequence[DeviceRsm]
-    ) -> None:
-        """Queue the passes that add the light that glossy surfaces mirror."""
-        camera, cut = gbuffer.camera, self.params.cutoff > 0.0
-        assert camera is not None  # noqa: S101  _begin saw to it
-        kinds = [(KEPT if cut else ALL, self._glossy[0])]
-        if self.params.restore and cut:
-            kinds.append((LOST, self._glossy[1]))
+    def _place_lobes(self, camera: Camera, glossy: Vpls | None, rsms: Sequence[DeviceRsm], kinds: int) -> bool:
+        """Bring lights with lobes to the device or choose them there; return whether there are any."""
         mirroring = [rsm for rsm in rsms if rsm.lobes is not None]
         # Tiles' bounds are in the unit of the diffuse lights.
         unit = self._lights.unit
@@ -249,13 +236,11 @@ class VplSplat(Prepared[VplSplatParams]):
             self._glossy[0].upload(glossy, camera, unit)
             self._glossy[1].upload(glossy.merged(self._glossy[1].most), camera, unit)
         elif mirroring:
-            self._glossy_chooser.place(mirroring, camera, kinds=len(kinds), unit=unit)
+            self._glossy_chooser.place(mirroring, camera, kinds=kinds, unit=unit)
         else:
             self.runtime.skip("vpl lobes", "nothing mirrors light")
-            return
-        for part, lights in kinds:
-            own = {**values, **self._cut_values(lights), "refine": 0.0}
-            self._shine(gbuffer, lights, own, part, add=True)
+            return False
+        return True
 
     def _cut_values(self, lights: DeviceVpls) -> dict[str, float]:
         """Return the members of the struct that say where light of a kind counts."""
@@ -274,9 +259,9 @@ class VplSplat(Prepared[VplSplatParams]):
         lights: DeviceVpls,
         values: dict[str, float],
         part: int,
+        occupancy: Occupancy | None = None,
         *,
         add: bool = False,
-        occupancy: bool = True,
     ) -> None:
         """Queue the passes that make the irradiance of the lights, or add theirs to it."""
         params, structs = self.params, (CAMERA, VPL)
@@ -328,7 +313,7 @@ class VplSplat(Prepared[VplSplatParams]):
                         params=packed,
                     )
                 macros["VPL_PARTS"] = int(parted)
-                self._interleaved(given, macros, occupancy=occupancy)
+                self._interleaved(given, macros, occupancy)
             else:
                 macros |= {"VPL_LISTS": int(params.cull), "VPL_PARTS": int(parted), "VPL_ROWS": ROWS}
                 self.runtime.kernel("vpl/vpl_splat.cl", macros, structs).run(
@@ -336,16 +321,15 @@ class VplSplat(Prepared[VplSplatParams]):
                 )
             add = True
 
-    def _interleaved(self, given: dict[str, Any], macros: dict[str, int], *, occupancy: bool) -> None:
-        grid = self._occupancy if occupancy else None
-        macros |= grid.macros if grid else {"OCCUPANCY_CELLS": 32}
-        macros |= {"VPL_VISIBILITY": int(grid is not None), "VPL_SHARE": self.params.share}
+    def _interleaved(self, given: dict[str, Any], macros: dict[str, int], occupancy: Occupancy | None) -> None:
+        macros |= occupancy.macros if occupancy else {"OCCUPANCY_CELLS": 32}
+        macros |= {"VPL_VISIBILITY": int(occupancy is not None), "VPL_SHARE": self.params.share}
         pieces = 16 * (16 // self.runtime.variant.lanes)
         self.runtime.kernel("vpl/vpl_interleaved.cl", macros, (CAMERA, VPL)).run(
             self.size,
             grid=(self._tiles[0], self._tiles[1] * pieces),
-            occupancy=grid.grid if grid else None,
-            grid_box=grid.box if grid else None,
+            occupancy=occupancy.grid if occupancy else None,
+            grid_box=occupancy.box if occupancy else None,
             near=self._near,
             near_counts=self._near_counts,
             **given,

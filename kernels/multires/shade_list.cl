@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// shade_list: irradiance at samples by the lights and runs of lights that their group listed.
+// shade_list: irradiance at samples by the lights and clusters of lights that their group listed.
 //
 // Method:  as vpl/vpl_splat.cl: E = sum over the list of flux * w, w = cos cos / (pi d^2 + A).
 // Reads:   list     how many samples there are, and so many times row << 16 | column
@@ -12,7 +12,7 @@
 // Writes:  values   3 x [rows, columns], W/m^2: the light is added, at the samples alone
 // Macros:  VPL_NEAR, VPL_CUT (0, 1), SHADE_ROWS (times SSGI_LANES samples of a work-item, so that
 //          each light is read once for all of them; 1 to 4),
-//          VPL_VISIBILITY (1: walls block light), OCCUPANCY_CELLS (32..256 cells along a side),
+//          VPL_VISIBILITY (1: surfaces block light), OCCUPANCY_CELLS (32..256 cells along a side),
 //          SHADE_LINE (lights that share a shadow ray: runs of 4: 1, of 16: 2, or of 64: 3; those
 //          that are listed with CUT_SHARED: of 64; with CUT_BRIGHT: of 4),
 //          SHADE_PARTS (1: lights give way to their 16 parts near by, as in vpl/vpl_splat.cl)

@@ -14,9 +14,9 @@
 //          near, near_counts  see vpl_near (VPL_PARTS 1)
 // Writes:  irradiance  3 x [rows, columns], W/m^2; 0 where nothing is
 // Macros:  VPL_NEAR, VPL_CUT, VPL_ADD and VPL_GLOSSY as in vpl_splat; VPL_VISIBILITY (0: light
-//          passes through walls, 1), OCCUPANCY_CELLS (32..256 cells along a side), VPL_SHARE
-//          (lights that share a line), VPL_PARTS (1: in place of one in 16 of the lights near by,
-//          each pixel takes one in 16 of the parts of all of them)
+//          passes through surfaces, 1), OCCUPANCY_CELLS (32..256 cells along a side), VPL_SHARE
+//          (lights that share a shadow ray), VPL_PARTS (1: in place of one in 16 of the lights near
+//          by, each pixel takes one in 16 of the parts of all of them)
 // Launch:  a work-item for each tile of 16 x 16, pixel of 4 x 4, and SSGI_LANES of the 16 such
 //          pixels
 // Cost:    1 / 16 of vpl_splat, and some 20 reads for each pixel and line

@@ -270,7 +270,7 @@ class MultiresGrid(Prepared[MultiresGridParams]):
             coarser = level
 
     def counts(self) -> dict[int, int]:
-        """Return how many points of each step were computed. Waits for the device."""
+        """Return the number of points computed for each step. Waits for the device."""
         return {level.step: int(level.list.download()[0]) for level in self._levels}
 
     def computed(self) -> NDArray[np.int32]:

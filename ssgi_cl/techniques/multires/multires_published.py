@@ -123,7 +123,7 @@ class MultiresPublished(Prepared[MultiresPublishedParams]):
         return self._combine()
 
     def counts(self) -> list[int]:
-        """Return how many subsplats each level has, from the finest on. Waits for the device."""
+        """Return the number of subsplats of each level, from the finest on. Waits for the device."""
         return [int(level.list.download()[0]) for level in self._levels]
 
     def computed(self) -> NDArray[np.int32]:

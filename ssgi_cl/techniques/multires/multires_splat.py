@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain
-from typing import Any, ClassVar, TypedDict, Unpack
+from typing import Any, ClassVar, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,7 @@ from ssgi_cl.techniques.vpl.view_importance import ViewImportance
 from ssgi_cl.techniques.vpl.vpl_light import (
     NEARS,
     NoLight,
+    VplKeywords,
     VplParams,
     camera_of,
     cutoff_param,
@@ -91,21 +92,14 @@ class MultiresSplatParams(MultiresGridParams, VplParams):
             raise ValueError(f"share is {self.share}: expected one of {SHARES} (lights)")
 
 
-class MultiresSplatKeywords(TypedDict, total=False):
+class MultiresSplatKeywords(VplKeywords, total=False):
     """The other parameters of `multires_splat`, of either method."""
 
     cutoff: float
-    unit_distance: float
-    near: str
     coarsest: int
     plane_tolerance: float
     normal_tolerance: float
     light_error: float
-    refine: float
-    visibility: bool
-    grid: int
-    share: int
-    importance: bool
     levels: int
     depth_threshold: float
     normal_threshold: float
@@ -279,7 +273,7 @@ def multires_splat(
 
     Departs, with method "adaptive": where to compute is decided by the light's differences, to an
     error that is asked for; few lights stand for many (after Walter et al. 2005, "Lightcuts");
-    lights give way to their parts near by; walls may block light. Method "published" is as
+    near lights give way to their parts; surfaces may block light. Method "published" is as
     published: a min-max mipmap of depth and normals decides, see `MultiresPublishedParams`.
 
     Args:

@@ -55,7 +55,7 @@ def check_grid(cells: int) -> None:
 
 
 def cells_for(size: Size) -> int:
-    """Return how many cells along a side leave no holes in the surfaces that an image shows.
+    """Return the cells along a side that leave no holes in the surfaces of an image.
 
     The grid is as wide as what is seen, so its cells must be wider than pixels; surfaces that are
     seen at an angle take a half more.
@@ -83,6 +83,11 @@ class Occupancy:
     def macros(self) -> dict[str, int]:
         """Macros of kernels that include kernels/occupancy/grid.clh."""
         return {"OCCUPANCY_CELLS": self.cells}
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """Arguments of kernels that follow rays through the grid."""
+        return {"occupancy": self.grid, "grid_box": self.box}
 
 
 class PlacedLights(Protocol):
@@ -129,7 +134,7 @@ class OccupancyGrid:
         lights: PlacedLights,
         scene: DeviceScene | None = None,
     ) -> Occupancy:
-        """Queue what marks the surfaces of all layers and of the reflective shadow maps.
+        """Queue the passes that mark the surfaces of all layers and of the reflective shadow maps.
 
         Args:
             gbuffer: of which the margin counts too.
@@ -162,7 +167,7 @@ class OccupancyGrid:
         low: float | NDArray[np.float64],
         high: float | NDArray[np.float64],
     ) -> Occupancy:
-        """Queue what marks the triangles of a scene in a grid that spans a box.
+        """Queue the passes that mark the triangles of a scene in a grid that spans a box.
 
         Args:
             scene: of which what lies in the box is marked.
@@ -187,17 +192,10 @@ class OccupancyGrid:
         self, unit: float, values: Mapping[str, float], boxes: DeviceArray, bounds: DeviceArray | None = None
     ) -> Occupancy:
         """Queue the pass that empties the grid and places it round boxes and lights."""
-        grid, box = self._own or self._empty(self.runtime.transient.array)
-        self._clear.run(
-            (1, 1),
-            grid=(self.cells, self.cells),
-            boxes=boxes,
-            bounds=bounds,
-            occupancy=grid,
-            grid_box=box,
-            params=OCCUPANCY.pack(values),
-        )
-        return Occupancy(grid, box, self.cells, unit)
+        empty = Occupancy(*(self._own or self._empty(self.runtime.transient.array)), self.cells, unit)
+        params, cells = OCCUPANCY.pack(values), (self.cells, self.cells)
+        self._clear.run((1, 1), grid=cells, boxes=boxes, bounds=bounds, params=params, **empty.arguments)
+        return empty
 
     def _filled(self, marked: Occupancy) -> Occupancy:
         """Queue the passes that find each block's nearest occupied one."""
@@ -226,9 +224,8 @@ class OccupancyGrid:
             textures=scene.textures,
             texels=scene.texels,
             decode=scene.decode,
-            grid_box=into.box,
-            occupancy=into.grid,
             turn=packed_to_view(from_scene),
+            **into.arguments,
         )
 
     def _mark_seen(self, gbuffer: DeviceGBuffer, rsms: Sequence[DeviceRsm], camera: Camera, into: Occupancy) -> None:
@@ -241,11 +238,10 @@ class OccupancyGrid:
                 whole,
                 points=points,
                 normal=normal,
-                grid_box=into.box,
-                occupancy=into.grid,
                 camera=gbuffer.camera_struct,
                 per_unit=1.0 / into.unit,
                 turn=packed_to_view(turn),
+                **into.arguments,
             )
 
 

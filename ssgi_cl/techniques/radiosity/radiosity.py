@@ -137,7 +137,7 @@ class Radiosity(Prepared[RadiosityParams]):
         return self._device.surfels
 
     def run(self, scene: Scene, lights: Sequence[Light], *, rsms: Sequence[DeviceRsm] = ()) -> RadiosityLight:
-        """Return what surfaces send. Waits for the device if it computes.
+        """Return the light that surfaces send. Waits for the device if it computes.
 
         Args:
             scene: what is lit.
@@ -206,7 +206,7 @@ class Radiosity(Prepared[RadiosityParams]):
         return LightVolume(own, self._device.camera.position - half, 2.0 * half, also)
 
     def _of_maps(self, records: Floats | None) -> SentLight | None:
-        """Return what surfaces reflect straight of the maps' lights."""
+        """Return the first bounce of the light of maps."""
         if records is None:
             return None
         device, rows = self._device, records.astype(np.float64)
@@ -251,7 +251,7 @@ class Radiosity(Prepared[RadiosityParams]):
 
 
 def sent(surfels: Surfels, irradiance: Doubles, *, emission: bool) -> Vpls:
-    """Return what surfels send when they receive irradiance [surfels, 3] in W/m^2."""
+    """Return the light that surfels send, which receive irradiance [surfels, 3] in W/m^2."""
     exitance = surfels.part_albedo * np.repeat(irradiance, PARTS, axis=0)
     if emission:
         exitance += math.pi * surfels.part_emission

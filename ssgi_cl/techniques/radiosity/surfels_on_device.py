@@ -76,7 +76,7 @@ class DeviceSurfels:
         self._gather = runtime.kernel("radiosity/radiosity_gather.cl", macros)
 
     def enter(self, scene: Scene) -> None:
-        """Take a scene, as yet without surfels: its occupancy grid and the spaces of its air."""
+        """Make the occupancy grid of a scene and the spaces of its air; surfels follow with `fill`."""
         low, high = scene.bounds
         middle = 0.5 * (low + high)
         half = max(0.5 * float((high - low).max()), 1e-30)
@@ -163,10 +163,10 @@ class DeviceSurfels:
         kept = (opened < OPEN) & (part >= 0)
         if dark:
             kept &= ~np.isin(self._air.at(starts.T), list(dark))
-        return surfels.centred(np.maximum(part, 0)).chosen(kept), starts[:, kept].T
+        return surfels.centred(np.maximum(part, 0)).chosen(np.flatnonzero(kept)), starts[:, kept].T
 
     def _upload(self, surfels: Surfels, starts: Floats | None = None) -> None:
-        """Bring surfels to the device, and where their rays start if that is known."""
+        """Upload surfels, and the starts of their rays where these are known."""
         runtime, shift, count = self.runtime, self._shift, len(surfels)
         self._count = count
         self._stride = stride = max(-(-count // 32) * 32, 32)
@@ -208,8 +208,7 @@ class DeviceSurfels:
             boxes=near.boxes,
             few=near.few,
             cutouts=near.cutouts,
-            occupancy=occupancy.grid,
-            grid_box=occupancy.box,
+            **occupancy.arguments,
             surfels=self._rows,
             part=chosen,
             params=START.pack(values),
@@ -251,15 +250,14 @@ class DeviceSurfels:
             lights=lights.lights,
             numbers=runtime.array(numbers),
             weights=runtime.array(weights),
-            occupancy=self._occupancy.grid,
-            grid_box=self._occupancy.box,
+            **self._occupancy.arguments,
             values=self._values,
             gain=gain,
         )
         return self._of_surfels(self._values.download())
 
     def begin(self, exitance: Floats) -> None:
-        """Let surfels send [surfels, 3] what they emit."""
+        """Set what surfels send to their emitted exitance [surfels, 3]."""
         own = np.zeros((3, self._stride), np.float32)
         own[:, : len(exitance)] = exitance.T
         rows = self._rows.download().reshape(ROWS, -1)

@@ -37,7 +37,7 @@ class SkyLevels:
         self._environments: tuple[Environment, ...] = ()
 
     def set(self, environments: Sequence[Environment]) -> None:
-        """Take other environments; nothing is done if they are those of last time."""
+        """Set the environments; nothing is done if they are those of the latest call."""
         now = tuple(environments)
         if are_same(now, self._environments):
             return

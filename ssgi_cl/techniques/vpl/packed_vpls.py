@@ -348,7 +348,7 @@ def _packed(vpls: Vpls, camera: Camera, unit: float, brightest: float) -> NDArra
 
 
 def lobe_share(gloss: Doubles, cosine: Doubles) -> Doubles:
-    """Return which share of lobes (n + 1) / (2 pi) cos^n lies above their surface, within 0.4 %.
+    """Return the share of lobes (n + 1) / (2 pi) cos^n lies above their surface, within 0.4 %.
 
     Exactly it is the distribution of Student's t with n + 1 degrees of freedom at
     sqrt(n + 1) cosine / sine.

@@ -21,7 +21,7 @@ class ViewImportance:
 
     Virtual point lights in proportion to flux alone may lie where they light nothing that is seen:
     the roof of a house that is lit through its window. Those that do are then few, each of them
-    stands for much, and their light is lost where surfaces are closer to them than they are wide.
+    has much flux, and their light is lost where surfaces are closer to them than they are wide.
 
     Source: Georgiev and Slusallek 2010, "Simple and Robust Iterative Importance Sampling of Virtual
     Point Lights"; here the importance only moves lights, whose flux stays that of the maps.
@@ -55,8 +55,6 @@ class ViewImportance:
                 order=order,
                 depth=gbuffer.depth,
                 seen_normal=gbuffer.normal,
-                occupancy=occupancy.grid,
-                grid_box=occupancy.box,
                 importance=self._importance,
                 camera=gbuffer.camera_struct,
                 vpl=packed_params({"per_unit": 1.0 / occupancy.unit}, gbuffer.margin),
@@ -64,6 +62,7 @@ class ViewImportance:
                 turn=packed_to_view(rsm.to_view(camera)),
                 columns=gbuffer.size[1],
                 rows=gbuffer.size[0],
+                **occupancy.arguments,
             )
         runtime.kernel("vpl/vpl_view_mean.cl").run(
             (runs, SUMS), grid=(1, -(-SUMS // runtime.variant.lanes)), local=(1, 1), importance=self._importance

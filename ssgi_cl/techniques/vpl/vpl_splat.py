@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, TypedDict, Unpack
+from typing import Any, ClassVar, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,14 +27,22 @@ from ssgi_cl.techniques.technique import Bench, Technique
 from ssgi_cl.techniques.vpl.packed_vpls import CAPACITY, NEAR_CAPACITY, VPL, DeviceVpls, VplChooser, packed_params
 from ssgi_cl.techniques.vpl.tile_boxes import BOX, bound_tiles, tiles_of
 from ssgi_cl.techniques.vpl.view_importance import ViewImportance
-from ssgi_cl.techniques.vpl.vpl_light import NEARS, VplParams, camera_of, importance_param, lit_by_maps, refine_param
+from ssgi_cl.techniques.vpl.vpl_light import (
+    NEARS,
+    VplKeywords,
+    VplParams,
+    camera_of,
+    importance_param,
+    lit_by_maps,
+    refine_param,
+)
 
 ROWS = 2
 """Rows of pixels of a work-item: each light is read once for all of them."""
 ALL, KEPT, LOST = range(3)
 """VPL_CUT in kernels/vpl/light.clh: all light, what the cutoff keeps, and what it leaves out."""
 COARSER = 16
-"""Lights that one stands for where what the cutoff leaves out is computed: it is smooth."""
+"""Lights merged into one for the light that the cutoff leaves out, which is smooth."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,19 +80,12 @@ class VplSplatParams(VplParams):
         return self.refine > 0.0 and self.cull
 
 
-class VplSplatKeywords(TypedDict, total=False):
+class VplSplatKeywords(VplKeywords, total=False):
     """The other parameters of `vpl_splat`."""
 
-    unit_distance: float
-    near: str
     restore: bool
-    refine: float
     interleave: bool
     blur_radius: int
-    visibility: bool
-    grid: int
-    importance: bool
-    share: int
     glossy_vpls: int
     cull: bool
 
@@ -184,7 +185,7 @@ class VplSplat(Prepared[VplSplatParams]):
         return self._blur.run(gbuffer, self._irradiance)
 
     def lost(self, gbuffer: DeviceGBuffer, vpls: Vpls) -> float:
-        """Return which share of the image's irradiance the cutoff leaves out, walls aside."""
+        """Return the share of the image's irradiance that the cutoff leaves out, without visibility."""
         if self.params.cutoff == 0.0:
             return 0.0
         values = self._begin(gbuffer, camera_of(gbuffer, self.size), vpls, (), 2)
@@ -195,7 +196,7 @@ class VplSplat(Prepared[VplSplatParams]):
         return sums[1] / sum(sums) if sum(sums) > 0.0 else 0.0
 
     def lists(self) -> NDArray[np.object_]:
-        """Return which lights of the latest batch tiles looked at: [rows, columns, subsets] arrays.
+        """Return the lights of the latest batch on the lists of tiles: [rows, columns, subsets] arrays.
 
         Parts of lights have numbers beyond the batch's.
         """
@@ -352,7 +353,7 @@ def vpl_splat(
     Keller 1997, "Instant Radiosity"; Dachsbacher and Stamminger 2006, "Splatting Indirect
     Illumination". Departs: a light is a disc (form factor of Nichols, Shopf and Wyman 2009), chosen
     along a Hilbert curve through the map; the cutoff fades and what it leaves out is restored;
-    lights give way to their parts near by; tiles cull lights in place of splats; walls may block
+    near lights give way to their parts; tiles cull lights in place of splats; surfaces may block
     light.
 
     Args:

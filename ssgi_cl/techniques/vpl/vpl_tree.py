@@ -36,7 +36,7 @@ LISTED = 1 << 23
 """Places of the lists of one pass, and floats of its samples, which bounds their memory."""
 ROWS = 4
 """Times so many samples as a work-item has lanes: each light is read once for all of them.
-With walls half of them, as view rays need registers."""
+With visibility half of them, as shadow rays need registers."""
 SHARES = (4, 16, 64)
 """Lights that may share a shadow ray: those of a run."""
 BRIGHT = 0.35
@@ -71,13 +71,13 @@ class VplTree:
     Args:
         runtime: the device.
         lights: what the tree is made of; without subsets. Parts of lights are not in the tree:
-            near by, they shine in place of a light that is listed.
+            they shine in place of a near light that is listed.
         near, cut: VPL_NEAR and VPL_CUT of kernels/vpl/light.clh.
         grid: of what blocks light; None: nothing does.
         share: lights that share a shadow ray, one of `SHARES`.
 
     Attributes:
-        limits: [3] allowed errors in W/m^2, of interpolation and of runs of lights, and all light
+        limits: [3] allowed errors in W/m^2, of interpolation and of clusters of lights, and all light
             over that of the lights; see `measure`.
     """
 
@@ -117,7 +117,7 @@ class VplTree:
             "VPL_VISIBILITY": int(grid is not None),
             "SHADE_LINE": SHARES.index(share) + 1,
         }
-        # Without walls the kernel does not look at the grid.
+        # Without visibility the kernel does not look at the grid.
         macros |= grid.macros if grid else {"OCCUPANCY_CELLS": 32}
         self._macros = macros
 
@@ -163,7 +163,7 @@ class VplTree:
     ) -> None:
         """Queue the passes that set `limits` to shares of the samples' mean irradiance.
 
-        The mean of `SAMPLES` of them, lit by 64 or more runs of lights where there are as many, and
+        The mean of `SAMPLES` of them, lit by 64 or more clusters of lights where there are as many, and
         by `other_light`, planes of irradiance in W/m^2 of a multiple of the source's size.
         """
         self._mean.run(
@@ -280,7 +280,7 @@ class VplTree:
                 )
 
     def cuts(self, count: int) -> list[NDArray[np.int32]]:
-        """Return which records the first groups of the latest pass listed. Waits for the device."""
+        """Return the records that the first groups of the latest pass listed. Waits for the device."""
         return [row & (CUT_SHARED - 1) for row in self._listed(count)]
 
     def shared(self, count: int) -> list[NDArray[np.bool_]]:
@@ -297,7 +297,7 @@ class VplTree:
         return [row[:length] for row, length in zip(lists, counts, strict=False)]
 
     def records(self) -> NDArray[np.float32]:
-        """Return [segments, records, RECORD] what stands for the lights. Waits for the device."""
+        """Return [segments, records, RECORD] lights and clusters. Waits for the device."""
         return self._records.download().reshape(self.lights.segments, -1, RECORD)
 
     def _packed(self, values: dict[str, float], margin: Size) -> Any:

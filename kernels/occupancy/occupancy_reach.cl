@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// occupancy_reach: how far off the nearest block of the grid is that holds a surface, by one axis
+// occupancy_reach: distance from each block to the nearest one that holds a surface, by one axis
 // more.
 //
 // Method:  the least, along the axis, of the greater of the way there and the distance found in the

@@ -49,22 +49,18 @@ static inline VoxelCorners voxel_corners(__global const float *restrict vertices
 {
     const RasterQuad from = raster_quad(vertices, vertex * RASTER_VERTEX, false);
     const vfloat x = v_from_bits(from.x), y = v_from_bits(from.y), z = v_from_bits(from.z);
+    const vfloat view[3] = {
+        v_fma(v_splat(turn.xx), x,
+              v_fma(v_splat(turn.xy), y, v_fma(v_splat(turn.xz), z, v_splat(turn.x)))),
+        v_fma(v_splat(turn.yx), x,
+              v_fma(v_splat(turn.yy), y, v_fma(v_splat(turn.yz), z, v_splat(turn.y)))),
+        v_fma(v_splat(turn.zx), x,
+              v_fma(v_splat(turn.zy), y, v_fma(v_splat(turn.zz), z, v_splat(turn.z)))),
+    };
     VoxelCorners corners;
-    corners.at[0] =
-        (v_fma(v_splat(turn.xx), x,
-               v_fma(v_splat(turn.xy), y, v_fma(v_splat(turn.xz), z, v_splat(turn.x)))) -
-         grid_box[0]) *
-        grid_box[3];
-    corners.at[1] =
-        (v_fma(v_splat(turn.yx), x,
-               v_fma(v_splat(turn.yy), y, v_fma(v_splat(turn.yz), z, v_splat(turn.y)))) -
-         grid_box[1]) *
-        grid_box[3];
-    corners.at[2] =
-        (v_fma(v_splat(turn.zx), x,
-               v_fma(v_splat(turn.zy), y, v_fma(v_splat(turn.zz), z, v_splat(turn.z)))) -
-         grid_box[2]) *
-        grid_box[3];
+    for (int k = 0; k < 3; ++k) {
+        corners.at[k] = (view[k] - grid_box[k]) * grid_box[3];
+    }
     return corners;
 }
 

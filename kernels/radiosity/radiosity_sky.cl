@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// radiosity_sky: irradiance of surfels by the environment, and how much of it they see.
+// radiosity_sky: irradiance of surfels by the environment, and the unoccluded part of the
+// hemisphere.
 //
 // Reads:   surfels     see surfel.clh
 //          directions  [size.y][8]: unit vector, solid angle in sr, radiance over that of the

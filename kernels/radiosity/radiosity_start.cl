@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// radiosity_start: where the visibility rays of surfels begin: above a part with nothing in front.
+// radiosity_start: starts of the visibility rays of surfels, above a part with nothing in front.
 //
 // Rays begin some cells above their surface. Where another surface is closer than that, or in the
 // cell that they begin in, they would begin behind it, or leave through it. So a part is taken that

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// radiosity_visibility: which surfels see which, a ray through the occupancy grid for each pair.
+// radiosity_visibility: visibility of pairs of surfels, a ray through the occupancy grid for each.
 //
 // Pairs of which one does not face the other have no ray. A pair has one ray: words of surfels
 // before the receiver's own word are left to radiosity_mirror.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// reflect_add: the mean of what 5 x 5 pixels found, REFLECT_STRIDE apart; with REFLECT_LAST what
-// lobes reflect of it is added to radiance.
+// reflect_add: mean of the light within the lobes of 5 x 5 pixels, REFLECT_STRIDE apart; with
+// REFLECT_LAST the part that the lobe reflects is added to radiance.
 //
 // Pixels at the sides count half and those at the corners a quarter, so that each of the 16 sets of
 // rays counts alike; those of other surfaces do not count. A second pass takes means of means

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // vpl_interleaved: irradiance by virtual point lights, of which each pixel of a 4 x 4 tile takes
-// one in 16, with an estimate of what stands between.
+// one in 16, with shadow rays that lights share.
 //
 // Method:  Keller and Heidrich 2001, "Interleaved Sampling"; Segovia et al. 2006, "Non-interleaved
 //          Deferred Shading of Interleaved Sample Patterns". A pixel's lights that are neighbours

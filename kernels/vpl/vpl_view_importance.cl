@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// vpl_view_importance: what the texels of a reflective shadow map send to the image, per watt.
+// vpl_view_importance: irradiance of the image by the texels of a reflective shadow map, per watt.
 //
 // Method:  Georgiev and Slusallek 2010, "Simple and Robust Iterative Importance Sampling of Virtual
 //          Point Lights": lights are to be where their light reaches what the camera sees. Of four

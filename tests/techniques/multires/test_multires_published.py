@@ -267,30 +267,6 @@ def test_second_call_allocates_and_builds_nothing(variant_runtime: Runtime, rng:
     assert_second_run_allocates_nothing(variant_runtime, lambda: technique.run(gbuffer, vpls))
 
 
-@pytest.mark.parametrize(
-    ("params", "error", "message"),
-    [
-        ({"method": "best"}, ValueError, r"method is 'best': expected one of 'adaptive', 'publish"),
-        (
-            {"interpolation_error": 0.02, "method": "published"},
-            ValueError,
-            r"interpolation_error=0.02 applies only to method='adaptive' \(got method='published'\)",
-        ),
-        ({"visibility": True, "method": "published"}, ValueError, r"visibility=True applies only to method='adaptive'"),
-        ({"levels": 5}, ValueError, r"levels=5 applies only to method='published' \(got method='adaptive'\)"),
-        ({"levels": 0, "method": "published"}, ValueError, r"levels is 0: expected an integer"),
-        ({"depth_threshold": -1.0, "method": "published"}, ValueError, r"depth_threshold is -1.0"),
-        ({"colour": 1, "method": "published"}, TypeError, r"colour"),
-    ],
-    ids=str,
-)
-def test_bad_parameter_is_refused(
-    runtime: Runtime, params: dict[str, Any], error: type[Exception], message: str
-) -> None:
-    with pytest.raises(error, match=message):
-        multires_splat(wall(), [], runtime=runtime, **params)
-
-
 def test_a_gbuffer_of_another_size_is_refused(runtime: Runtime) -> None:
     technique = MultiresPublished(runtime, (8, 8))
     with pytest.raises(ValueError, match=r"the G-buffer's size is \(96, 128\): expected \(8, 8\)"):

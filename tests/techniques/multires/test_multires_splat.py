@@ -29,7 +29,13 @@ from ssgi_cl.techniques.vpl.vpl_tree import GROUP, SHARES
 from ssgi_cl.truth import one_bounce
 
 from ..analytic import Plane, camera, scene, trace
-from ..vpl.given import assert_second_run_allocates_nothing, assert_what_does_not_fit_is_refused, cornell_box, uploaded
+from ..vpl.given import (
+    assert_second_run_allocates_nothing,
+    assert_what_does_not_fit_is_refused,
+    cornell_box,
+    lit_scene,
+    uploaded,
+)
 from ..vpl.test_vpl_tree import lights
 
 Floats = NDArray[np.float32]
@@ -134,11 +140,7 @@ def test_errors_are_shares_of_the_mean_with_few_lights_and_many(runtime: Runtime
 
 @pytest.mark.parametrize("name", [pytest.param("hall", marks=pytest.mark.slow), "cornell_box"])
 def test_few_pixels_and_few_lights_are_close_to_all(runtime: Runtime, name: str) -> None:
-    made = BUILTIN_SCENES[name]()
-    gbuffer = drawn(made.scene, made.camera(320, 240), runtime=runtime)
-    punctual_lights = [light for light in made.lights if type(light).__name__ != "Environment"]
-    maps = [rsm(made.scene, punctual_light, size=256, runtime=runtime) for punctual_light in punctual_lights]  # type: ignore[arg-type]
-    vpls = choose_vpls(maps, 1024, runtime=runtime)
+    gbuffer, vpls = lit_scene(runtime, name, 320, 240)
     every, _ = splatted(runtime, gbuffer, vpls, coarsest=1, light_error=0.0)
     seen = np.isfinite(np.asarray(gbuffer.depth))
     errors, pixels = [], []
@@ -493,6 +495,17 @@ def test_second_call_allocates_and_builds_nothing_and_gives_bit_identical_result
         ({"coarsest": 3}, ValueError, r"coarsest is 3: expected one of"),
         ({"grid": 100}, ValueError, r"grid is 100: expected 0 or one of \(32, 64, 128, 256\)"),
         ({"colour": 1}, TypeError, r"colour"),
+        ({"method": "best"}, ValueError, r"method is 'best': expected one of 'adaptive', 'publish"),
+        (
+            {"interpolation_error": 0.02, "method": "published"},
+            ValueError,
+            r"interpolation_error=0.02 applies only to method='adaptive' \(got method='published'\)",
+        ),
+        ({"visibility": True, "method": "published"}, ValueError, r"visibility=True applies only to method='adaptive'"),
+        ({"levels": 5}, ValueError, r"levels=5 applies only to method='published' \(got method='adaptive'\)"),
+        ({"levels": 0, "method": "published"}, ValueError, r"levels is 0: expected an integer"),
+        ({"depth_threshold": -1.0, "method": "published"}, ValueError, r"depth_threshold is -1.0"),
+        ({"colour": 1, "method": "published"}, TypeError, r"colour"),
     ],
     ids=str,
 )

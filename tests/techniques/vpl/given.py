@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.core.lights import Environment
 from ssgi_cl.core.vpls import Vpls
 from ssgi_cl.device.arrays import Plane
 from ssgi_cl.device.gbuffer import DeviceGBuffer
@@ -16,6 +17,7 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import gbuffer as drawn
 from ssgi_cl.rasterize import rsm
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
+from ssgi_cl.techniques.vpl.vpl_choice import choose_vpls
 
 from ..analytic import camera, scene
 
@@ -33,6 +35,14 @@ def cornell_box(
     made = BUILTIN_SCENES["cornell_box"]()
     seen = rsm(made.scene, made.lights[0], size=map_size, runtime=runtime)  # type: ignore[arg-type]
     return drawn(made.scene, made.camera(columns, rows), runtime=runtime, **given), seen
+
+
+def lit_scene(runtime: Runtime, name: str, columns: int, rows: int) -> tuple[GBuffer, Vpls]:
+    """Return a built-in scene as its camera sees it, and 1024 lights of its punctual lights."""
+    made = BUILTIN_SCENES[name]()
+    punctual_lights: list[Any] = [light for light in made.lights if not isinstance(light, Environment)]
+    maps = [rsm(made.scene, light, size=256, runtime=runtime) for light in punctual_lights]
+    return drawn(made.scene, made.camera(columns, rows), runtime=runtime), choose_vpls(maps, 1024, runtime=runtime)
 
 
 def assert_second_run_allocates_nothing(runtime: Runtime, run: Callable[[], Plane]) -> None:

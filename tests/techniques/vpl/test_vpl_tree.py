@@ -16,18 +16,14 @@ from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.vpls import Vpls
 from ssgi_cl.device.arrays import DeviceArray
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.rasterize import gbuffer as drawn
-from ssgi_cl.rasterize import rsm
-from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.reference.vpl.vpl_splat import receivers, vpl_splat_reference
 from ssgi_cl.reference.vpl.vpl_tree import VplTreeReference, group_of
 from ssgi_cl.techniques.vpl.packed_vpls import DeviceVpls
-from ssgi_cl.techniques.vpl.vpl_choice import choose_vpls
 from ssgi_cl.techniques.vpl.vpl_splat import VplSplatParams
 from ssgi_cl.techniques.vpl.vpl_tree import GROUP, VplTree
 
 from ..analytic import CAMERAS, camera, scene
-from .given import uploaded
+from .given import lit_scene, uploaded
 
 SHARE = 0.25
 """Of what is computed, which is added to what is there."""
@@ -255,11 +251,7 @@ def test_several_batches_add_up(runtime: Runtime, rng: np.random.Generator) -> N
 
 @pytest.mark.parametrize("name", [pytest.param("hall", marks=pytest.mark.slow), "cornell_box"])
 def test_few_lights_stand_for_many_at_a_known_error(runtime: Runtime, name: str) -> None:
-    made = BUILTIN_SCENES[name]()
-    gbuffer = drawn(made.scene, made.camera(160, 120), runtime=runtime)
-    punctual_lights = [light for light in made.lights if type(light).__name__ != "Environment"]
-    maps = [rsm(made.scene, punctual_light, size=256, runtime=runtime) for punctual_light in punctual_lights]  # type: ignore[arg-type]
-    vpls = choose_vpls(maps, 1024, runtime=runtime)
+    gbuffer, vpls = lit_scene(runtime, name, 160, 120)
     exact = Lit(runtime, gbuffer, vpls, 0.0)
     mean = exact.irradiance[exact.seen].mean()
     groups = -(-int(exact.seen.sum()) // GROUP)

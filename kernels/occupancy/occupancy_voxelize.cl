@@ -57,10 +57,9 @@ static inline VoxelCorners voxel_corners(__global const float *restrict vertices
         v_fma(v_splat(turn.zx), x,
               v_fma(v_splat(turn.zy), y, v_fma(v_splat(turn.zz), z, v_splat(turn.z)))),
     };
-    VoxelCorners corners;
-    for (int k = 0; k < 3; ++k) {
-        corners.at[k] = (view[k] - grid_box[k]) * grid_box[3];
-    }
+    const VoxelCorners corners = {{(view[0] - grid_box[0]) * grid_box[3],
+                                   (view[1] - grid_box[1]) * grid_box[3],
+                                   (view[2] - grid_box[2]) * grid_box[3]}};
     return corners;
 }
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.scene import box_corners
 from ssgi_cl.core.vpls import Vpls
 from ssgi_cl.device.rsm import on_device_rsm
 from ssgi_cl.device.runtime import Runtime
@@ -364,6 +365,20 @@ def test_walls_take_light_away_alone_and_in_bit_identical_results_again(
     np.testing.assert_array_equal(made[1], made[2])
     assert (made[1] <= made[0]).all()
     assert 0.5 < made[1].sum() / made[0].sum() < 0.95
+
+
+def test_where_nothing_shone_the_grid_spans_the_scene(runtime: Runtime) -> None:
+    made = BUILTIN_SCENES["cornell_box"]()
+    device = uploaded(runtime, drawn(made.scene, made.camera(40, 30), runtime=runtime))
+    found = MultiresSplat(runtime, device.size, MultiresSplatParams(visibility=True, grid=32)).block(device, made.scene)
+    assert device.camera is not None
+    corners = box_corners(made.scene.bounds) @ device.camera.view[:3, :3].T + device.camera.view[:3, 3]
+    box = found.box.download().astype(np.float64)
+    at = (corners / found.unit - box[:3]) * box[3]
+    # Three cells beside it, and the longest side has all others.
+    np.testing.assert_allclose(at.min(axis=0), 3.0, atol=1e-3)
+    assert at.max() == pytest.approx(29.0, abs=1e-3)
+    assert found.grid.download()[: 32**3 // 32].any()
 
 
 @pytest.mark.slow

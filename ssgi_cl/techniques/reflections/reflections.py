@@ -116,45 +116,8 @@ class Reflections(Prepared[ReflectionsParams]):
             occupancy: what blocks rays that leave the image, in the camera's view space.
             volume: what surfaces of the scene send.
         """
-        # Before the lights' highlights are added, which rays would find once in a thousand pixels.
-        self._trace(gbuffer, radiance, light, lights, occupancy, volume)
-        self._lights.add_lobes(radiance, gbuffer, lights, shadows=shadows)
-
-    def _trace(
-        self,
-        gbuffer: DeviceGBuffer,
-        radiance: Plane,
-        light: Plane,
-        lights: Sequence[Light],
-        occupancy: Occupancy,
-        volume: LightVolume,
-    ) -> None:
-        camera = camera_of(gbuffer, self.size)
         self._sky.set(environments_of(lights))
-        if volume is not self._volume:
-            self._volume = volume
-            sent = np.minimum(volume.radiance, BRIGHTEST)
-            packed = np.concatenate([sent, volume.area[..., None]], axis=-1)
-            self._sent.upload(packed.astype(np.float32).ravel())
-        reach = volume.side * CELLS
-        per_unit = float(np.float32(1.0 / occupancy.unit))  # as kernels round it
-        x, y, z = ((camera.position - volume.low) / volume.side).tolist()
-        params = REFLECT.pack(
-            {
-                "cell_x": x,
-                "cell_y": y,
-                "cell_z": z,
-                "per_unit": per_unit,
-                "per_cell": 1.0 / (per_unit * volume.side),
-                **rotation_values(camera.view[:3, :3].T),
-                "reach": reach,
-                "thick": self.params.thickness * reach / occupancy.cells,
-                "texels_per_angle": self._sky.texels_per_angle,
-                "levels": self._sky.count,
-                "margin_columns": gbuffer.margin[1],
-                "margin_rows": gbuffer.margin[0],
-            }
-        )
+        params = self._packed(gbuffer, occupancy, volume)
         seen: dict[str, Any] = {
             "linear": gbuffer.linear,
             "normal": gbuffer.normal,
@@ -199,6 +162,36 @@ class Reflections(Prepared[ReflectionsParams]):
                     camera=gbuffer.camera_struct,
                     params=params,
                 )
+        # Last, as rays would find the lights' highlights once in a thousand pixels.
+        self._lights.add_lobes(radiance, gbuffer, lights, shadows=shadows)
+
+    def _packed(self, gbuffer: DeviceGBuffer, occupancy: Occupancy, volume: LightVolume) -> Any:
+        """Upload the volume unless it is that of the latest run; return the struct `REFLECT`."""
+        camera = camera_of(gbuffer, self.size)
+        if volume is not self._volume:
+            self._volume = volume
+            sent = np.minimum(volume.radiance, BRIGHTEST)
+            packed = np.concatenate([sent, volume.area[..., None]], axis=-1)
+            self._sent.upload(packed.astype(np.float32).ravel())
+        reach = volume.extent
+        per_unit = float(np.float32(1.0 / occupancy.unit))  # as kernels round it
+        x, y, z = ((camera.position - volume.low) / volume.side).tolist()
+        return REFLECT.pack(
+            {
+                "cell_x": x,
+                "cell_y": y,
+                "cell_z": z,
+                "per_unit": per_unit,
+                "per_cell": 1.0 / (per_unit * volume.side),
+                **rotation_values(camera.view[:3, :3].T),
+                "reach": reach,
+                "thick": self.params.thickness * reach / occupancy.cells,
+                "texels_per_angle": self._sky.texels_per_angle,
+                "levels": self._sky.count,
+                "margin_columns": gbuffer.margin[1],
+                "margin_rows": gbuffer.margin[0],
+            }
+        )
 
 
 @serialised

@@ -16,7 +16,8 @@ from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.techniques.multires import multires_grid
 from ssgi_cl.techniques.multires.multires_splat import MultiresSplat, MultiresSplatParams
 from ssgi_cl.techniques.vpl import vpl_splat
-from ssgi_cl.techniques.vpl.vpl_splat import TILE, VplSplat, VplSplatParams
+from ssgi_cl.techniques.vpl.tile_boxes import TILE
+from ssgi_cl.techniques.vpl.vpl_splat import VplSplat, VplSplatParams
 from ssgi_cl.techniques.vpl.vpl_tree import GROUP, VplTree
 from ssgi_cl.tuning.context import Context
 

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: MIT
-// cluster_means: what stands for the lights of each cluster of 4, 16 and 64.
+// cluster_means: records of the clusters of 4, 16 and 64 lights.
 //
 // Method:  Walter et al. 2005, "Lightcuts", with the mean of position, normal and area in place of
-// a
-//          representative light's: then errors of first order cancel. The mean normal isn't
+//          a representative light's: then errors of first order cancel. The mean normal isn't
 //          scaled to unit length, so that the light towards any far point where no light of the
 //          cluster is seen from behind is that of its lights.
 // Reads:   records  of the lights, see cluster_order

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// cluster_order: lights put in the order in which runs of them are compact and face one way.
+// cluster_order: order of lights in which clusters of them are compact and face one way.
 //
 // Lights come along Hilbert curves over what the light sees, where neighbours may lie on different
 // surfaces. Sorted by the axis that is nearest to their normal, and along the curve within one

@@ -2,9 +2,8 @@
 // cut_limits: errors that are allowed, from the mean irradiance.
 //
 // Reads:   found   [count], see cut_mean
-// Writes:  limits  [3] of interpolation and of runs of lights, W/m^2; mean irradiance by all light
-// over
-//          that by the lights, 1 or more
+// Writes:  limits  [3] of interpolation and of clusters of lights, W/m^2; mean irradiance by
+//                   all light over that by the lights, 1 or more
 // Params:  count; shares of the mean: interpolation, runs; stage: CUT_OWN before other light is
 //          added to what is found, CUT_ALL then, CUT_ALONE where there is none
 // Launch:  one work-item

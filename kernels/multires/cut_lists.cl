@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// cut_lists: for each group of samples, the lights and runs of lights that shine on it.
+// cut_lists: for each group of samples, the lights and clusters of lights that shine on it.
 //
 // Method:  A cut through a tree of lights as in Walter et al. 2005, "Lightcuts", but for a group of
 //          samples and by an estimate of the error in place of a bound: see cut.clh. A run stands

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// cut_mean: irradiance at some samples by runs of lights, for the mean of the image.
+// cut_mean: irradiance at some samples by clusters of lights, for the mean of the image.
 //
 // Method:  Runs of 16 from 1024 lights on, of 4 from 256 on, else each light: of 64 or more, the
 //          mean is within some per cent; 16 runs of 256 lights miss a quarter.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// multires_count: how many points of each tile are to be computed.
+// multires_count: number of the points of each tile that are to be computed.
 //
 // Reads:   masks   of tiles, see multires/list.clh
 //          tiles   [tiles] row << 16 | column of each, in the order in which they are listed

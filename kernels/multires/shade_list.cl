@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// shade_list: irradiance at samples by the lights and runs of lights that their group listed.
+// shade_list: irradiance at samples by the lights and clusters of lights that their group listed.
 //
 // Method:  as vpl/vpl_splat.cl: E = sum over the list of flux * w, w = cos cos / (pi d^2 + A).
 // Reads:   list     how many samples there are, and so many times row << 16 | column
@@ -7,12 +7,12 @@
 //          records  of all segments, see cluster.clh
 //          lists, counts  see cut_lists
 //          lights   [segments][params.span][TREE_RECORD] of which the parts; with SHADE_PARTS alone
-//          occupancy, grid_box  with VPL_VISIBILITY alone; see vpl/grid.clh
+//          occupancy, grid_box  with VPL_VISIBILITY alone; see occupancy/grid.clh
 //          fractions   [rows, columns] what the light counts for, see multires_interpolate
 // Writes:  values   3 x [rows, columns], W/m^2: the light is added, at the samples alone
 // Macros:  VPL_NEAR, VPL_CUT (0, 1), SHADE_ROWS (times SSGI_LANES samples of a work-item, so that
 //          each light is read once for all of them; 1 to 4),
-//          VPL_VISIBILITY (1: walls block light), VPL_GRID (32..256 cells along a side),
+//          VPL_VISIBILITY (1: surfaces block light), OCCUPANCY_CELLS (32..256 cells along a side),
 //          SHADE_LINE (lights that share a shadow ray: runs of 4: 1, of 16: 2, or of 64: 3; those
 //          that are listed with CUT_SHARED: of 64; with CUT_BRIGHT: of 4),
 //          SHADE_PARTS (1: lights give way to their 16 parts near by, as in vpl/vpl_splat.cl)
@@ -24,12 +24,12 @@
 #include "common/camera.clh"
 #include "common/gbuffer.clh"
 #include "multires/cut.clh"
-#include "vpl/grid.clh"
+#include "occupancy/grid.clh"
 #include "vpl/light.clh"
 
 #if !defined(VPL_NEAR) || !defined(VPL_CUT) || !defined(SHADE_ROWS) || !defined(VPL_VISIBILITY) || \
-    !defined(VPL_GRID) || !defined(SHADE_LINE) || !defined(SHADE_PARTS)
-#error "VPL_NEAR, _CUT, _SIGHT, _GRID, SHADE_ROWS, _LINE and _PARTS must be defined"
+    !defined(SHADE_LINE) || !defined(SHADE_PARTS)
+#error "VPL_NEAR, _CUT, _VISIBILITY, SHADE_ROWS, _LINE and _PARTS must be defined"
 #endif
 
 #define SHADE_BLOCK 64 // lights summed before they are added to the sum: float32 rounds less so
@@ -51,25 +51,25 @@ static inline int shade_run(const int record, const int stride, const int line)
 }
 
 // Where shadow rays of samples start: towards the eye where their cells hold a surface.
-static inline VplCell shade_towards(__global const int *restrict occupancy, const VplCell start,
-                                    const VplReceiver at, const SsgiCamera camera)
+static inline OccupancyCell shade_towards(__global const int *restrict occupancy,
+                                          const OccupancyCell start, const VplReceiver at,
+                                          const SsgiCamera camera)
 {
     const vfloat tx = at.x * -camera.perspective, ty = at.y * -camera.perspective;
     const vfloat tz = v_fma(at.z, v_splat(-camera.perspective), v_splat(1.0f - camera.perspective));
     const vfloat squared = v_fma(tx, tx, v_fma(ty, ty, tz * tz));
     const vfloat per = v_rsqrt(v_max(squared, v_splat(1e-30f)));
-    return vpl_towards(occupancy, start, tx * per, ty * per, tz * per);
+    return occupancy_towards(occupancy, start, tx * per, ty * per, tz * per);
 }
 
 // Where a shadow ray to a run ends: at one of its lights, lifted off its surface. The mean of them
 // may be inside of something.
-static inline VplCell shade_end(__global const float *restrict records, const int run,
-                                __global const float *restrict grid_box, const VplParams params)
+static inline OccupancyCell shade_end(__global const float *restrict records, const int run,
+                                      __global const float *restrict grid_box)
 {
     __global const float *restrict light =
         records + (int)records[run * TREE_RECORD + TREE_TARGET] * TREE_RECORD;
-    return vpl_cell(v_splat(light[0]), v_splat(light[1]), v_splat(light[2]), v_splat(-light[4]),
-                    v_splat(-light[5]), v_splat(-light[6]), grid_box, params);
+    return occupancy_end(light, light + 4, grid_box);
 }
 #endif
 
@@ -123,12 +123,12 @@ __kernel void shade_list(__global const int *restrict list, __global const float
             sum[r][0] = sum[r][1] = sum[r][2] = zero;
         }
 #if VPL_VISIBILITY
-        VplCell eye[SHADE_ROWS];
+        OccupancyCell eye[SHADE_ROWS];
         vmask open[SHADE_ROWS];
 #pragma unroll
         for (int r = 0; r < SHADE_ROWS; ++r) {
             eye[r] =
-                vpl_cell(at[r].x, at[r].y, at[r].z, at[r].nx, at[r].ny, at[r].nz, grid_box, params);
+                occupancy_cell(at[r].x, at[r].y, at[r].z, at[r].nx, at[r].ny, at[r].nz, grid_box);
             eye[r] = shade_towards(occupancy, eye[r], at[r], camera);
             open[r] = v_splat_int(-1);
         }
@@ -153,10 +153,10 @@ __kernel void shade_list(__global const int *restrict list, __global const float
                 const int run = shade_run(record, params.stride, line);
                 if (run != latest) {
                     latest = run;
-                    const VplCell end_cell = shade_end(records, run, grid_box, params);
+                    const OccupancyCell end_cell = shade_end(records, run, grid_box);
 #pragma unroll
                     for (int r = 0; r < SHADE_ROWS; ++r) {
-                        open[r] = ~vpl_blocked(occupancy, eye[r], end_cell, at[r].there);
+                        open[r] = ~occupancy_blocked(occupancy, eye[r], end_cell, at[r].there);
                     }
                 }
 #endif

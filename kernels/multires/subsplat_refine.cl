@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// subsplat_refine: which texels of a level are subsplats: even enough, under a parent that is not.
+// subsplat_refine: subsplats of a level: the texels that are even enough, under a parent that is
+// not.
 //
 // Method:  Nichols, Shopf and Wyman 2009, "Hierarchical Image-Space Radiosity for Interactive
 //          Global Illumination" (stencil refinement): all levels decide for themselves, and each

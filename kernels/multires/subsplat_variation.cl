@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// subsplat_variation: the finest level of the min-max mipmap, how depth and normals vary over 3
-// x 3.
+// subsplat_variation: finest level of the min-max mipmap: variation of depth and normals over
+// 3 x 3 pixels.
 //
 // Method:  Nichols and Wyman 2009, "Multiresolution Splatting for Indirect Illumination": depth
 //          variation (largest - least) / own linear depth, least and largest x and y of the

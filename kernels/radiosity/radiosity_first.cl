@@ -3,24 +3,21 @@
 // that is listed.
 //
 // Rays that several lights share, as in shade_list, err by more than the light indoors where most
-// of the lights are outside in the sun. Reads:   surfels    see surfel.clh
+// of the lights are outside in the sun.
+//
+// Reads:   surfels    see surfel.clh
 //          lights     [lights][SURFEL_RECORD] as in vpl/light.clh, in the space of the surfels
 //          numbers    [groups of FIRST_GROUP surfels][size.y] lights, -1 past the last of a group
 //          weights    [groups][size.y] what each of them counts
-//          occupancy, grid_box  see vpl/grid.clh
+//          occupancy, grid_box  see occupancy/grid.clh
 // Writes:  values     3 x [size.x] irradiance over that of the brightest source
-// Macros:  VPL_GRID
-// Params:  lift       cells above their surface at which rays end
-//          gain       such irradiance of a flux and square length of 1
+// Macros:  OCCUPANCY_CELLS
+// Params:  gain       such irradiance of a flux and square length of 1
 // Launch:  SSGI_LANES surfels per work-item, one row
 // Cost:    20 operations and a division per pair, and a ray, some 20 reads, if they face each other
 
 #include "common/gbuffer.clh"
 #include "radiosity/surfel.clh"
-
-#ifndef VPL_GRID
-#error "VPL_GRID must be defined"
-#endif
 
 #ifndef FIRST_GROUP
 #error "ssgi_cl/device/constants.py defines FIRST_GROUP"
@@ -28,30 +25,11 @@
 
 #define FIRST_BLOCK 64 // lights summed before they are added to the sum: float32 rounds less so
 
-// Where rays to a light end.
-static inline VplCell first_end(__global const float *restrict light,
-                                __global const float *restrict grid_box, const float lift)
-{
-    const float most = (float)VPL_GRID - 0.01f;
-    VplCell end;
-    end.nx = v_splat(-light[4]);
-    end.ny = v_splat(-light[5]);
-    end.nz = v_splat(-light[6]);
-    end.x =
-        v_splat(clamp(fma(-light[4], lift, (light[0] - grid_box[0]) * grid_box[3]), 0.0f, most));
-    end.y =
-        v_splat(clamp(fma(-light[5], lift, (light[1] - grid_box[1]) * grid_box[3]), 0.0f, most));
-    end.z =
-        v_splat(clamp(fma(-light[6], lift, (light[2] - grid_box[2]) * grid_box[3]), 0.0f, most));
-    return end;
-}
-
 __kernel void
 radiosity_first(__global const float *restrict surfels, __global const float *restrict lights,
                 __global const int *restrict numbers, __global const float *restrict weights,
                 __global const int *restrict occupancy, __global const float *restrict grid_box,
-                __global float *restrict values, const int2 size, const float lift,
-                const float gain)
+                __global float *restrict values, const int2 size, const float gain)
 {
     const int first = ssgi_first_column();
     const int stride = size.x;
@@ -59,7 +37,7 @@ radiosity_first(__global const float *restrict surfels, __global const float *re
         return;
     }
     const SurfelReceiver at = surfel_receivers(surfels, stride, first);
-    const VplCell start = surfel_starts(surfels, stride, first);
+    const OccupancyCell start = surfel_starts(surfels, stride, first);
     const vfloat zero = v_splat(0.0f);
     vfloat sum[3] = {zero, zero, zero};
     __global const int *restrict own_numbers = numbers + first / FIRST_GROUP * size.y;
@@ -73,8 +51,8 @@ radiosity_first(__global const float *restrict surfels, __global const float *re
             if (!v_any(lit)) {
                 continue;
             }
-            const VplCell end = first_end(light, grid_box, lift);
-            const vmask seen = lit & ~vpl_blocked(occupancy, start, end, lit);
+            const OccupancyCell end = occupancy_end(light, light + 4, grid_box);
+            const vmask seen = lit & ~occupancy_blocked(occupancy, start, end, lit);
             const vfloat own = v_select(zero, w, seen);
             for (int j = 0; j < 3; ++j) {
                 part[j] = v_fma(own, v_splat(light[8 + j]), part[j]);

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 // radiosity_gather: light that surfels receive from one another, and send on.
 //
-// Method:  E_i = (1 - s_i) sum_j V_ij F_ij M_j / sum_j V_ij F_ij, F_ij = A_j cos cos / (pi d^2 +
-// A_j)
+// Method:  E_i = (1 - s_i) sum_j V_ij F_ij M_j / sum_j V_ij F_ij,
+//          F_ij = A_j cos cos / (pi d^2 + A_j)
 //          with the open part s_i of the hemisphere: form factors to all that a surfel sees sum to
 //          what is not sky, however coarse the surfels are, so that no light is lost in corners.
 //          M = M_e + albedo (E + E_source).
@@ -13,17 +13,13 @@
 //          source    3 x [size.x] irradiance by anything but surfels
 // Writes:  after     as `before`
 //          received  3 x [size.x] E + E_source
-// Macros:  VPL_GRID
+// Macros:  OCCUPANCY_CELLS
 // Params:  most      the factor by which a row of form factors is raised, at most
 // Launch:  SSGI_LANES surfels per work-item, one row
 // Cost:    24 operations and a division per pair that faces and sees each other
 
 #include "common/gbuffer.clh"
 #include "radiosity/surfel.clh"
-
-#ifndef VPL_GRID
-#error "VPL_GRID must be defined"
-#endif
 
 __kernel void
 radiosity_gather(__global const float *restrict surfels, __global const float *restrict before,

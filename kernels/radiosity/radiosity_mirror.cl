@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// radiosity_mirror: what surfels see of those before them, from what those see of them.
+// radiosity_mirror: visibility of earlier surfels from each surfel, which is that from them.
 //
 // Reads:   visible    see radiosity_visibility: the words from each receiver's own on
 // Writes:  visible    the words before it

@@ -1,28 +1,25 @@
 // SPDX-License-Identifier: MIT
-// radiosity_sky: irradiance of surfels by the environment, and how much of it they see.
+// radiosity_sky: irradiance of surfels by the environment, and the unoccluded part of the
+// hemisphere.
 //
 // Reads:   surfels     see surfel.clh
 //          directions  [size.y][8]: unit vector, solid angle in sr, radiance over that of the
 //                      brightest source (4 to 6), 0
-//          occupancy   see vpl/grid.clh
+//          occupancy   see occupancy/grid.clh
 // Writes:  sky         4 x [size.x]: irradiance (0 to 2), part of the hemisphere that is open,
 //                      weighted by the cosine (3)
-// Macros:  VPL_GRID
+// Macros:  OCCUPANCY_CELLS
 // Launch:  SSGI_LANES surfels per work-item, one row
 // Cost:    half a ray, some 20 reads, per surfel and direction
 
 #include "common/gbuffer.clh"
 #include "radiosity/surfel.clh"
 
-#ifndef VPL_GRID
-#error "VPL_GRID must be defined"
-#endif
-
 // Where a ray from `at` leaves the grid along one axis, in its lengths.
 static inline vfloat sky_leave(const vfloat at, const float way)
 {
     const float per = 1.0f / max(fabs(way), 1e-6f);
-    return (way < 0.0f ? at : v_splat((float)VPL_GRID - 0.01f) - at) * per;
+    return (way < 0.0f ? at : v_splat((float)OCCUPANCY_CELLS - 0.01f) - at) * per;
 }
 
 __kernel void radiosity_sky(__global const float *restrict surfels,
@@ -35,7 +32,7 @@ __kernel void radiosity_sky(__global const float *restrict surfels,
     if (first >= stride) {
         return;
     }
-    const VplCell start = surfel_starts(surfels, stride, first);
+    const OccupancyCell start = surfel_starts(surfels, stride, first);
     const vfloat zero = v_splat(0.0f);
     vfloat sum[3] = {zero, zero, zero};
     vfloat open = zero, all = zero;
@@ -49,14 +46,14 @@ __kernel void radiosity_sky(__global const float *restrict surfels,
         }
         const vfloat length = v_min(v_min(sky_leave(start.x, way[0]), sky_leave(start.y, way[1])),
                                     sky_leave(start.z, way[2]));
-        VplCell end;
+        OccupancyCell end;
         end.x = v_fma(length, v_splat(way[0]), start.x);
         end.y = v_fma(length, v_splat(way[1]), start.y);
         end.z = v_fma(length, v_splat(way[2]), start.z);
         end.nx = v_splat(-way[0]);
         end.ny = v_splat(-way[1]);
         end.nz = v_splat(-way[2]);
-        const vmask seen = wanted & ~vpl_blocked(occupancy, start, end, wanted);
+        const vmask seen = wanted & ~occupancy_blocked(occupancy, start, end, wanted);
         const vfloat w = v_max(n_dot_l, zero) * way[3];
         const vfloat own = v_select(zero, w, seen);
         all = all + w;

@@ -1,31 +1,29 @@
 // SPDX-License-Identifier: MIT
-// radiosity_start: where the visibility rays of surfels begin: above a part with nothing in front.
+// radiosity_start: starts of the visibility rays of surfels, above a part with nothing in front.
 //
 // Rays begin some cells above their surface. Where another surface is closer than that, or in the
 // cell that they begin in, they would begin behind it, or leave through it. So a part is taken that
 // has no triangle in front (exactly: each batch whose box is near is tried) and whose lifted point
-// is in an empty cell, the nearest to the surfel's middle of the first few. Reads:   parts      6 x
-// [16 size.x] positions and normals, nearest to the surfel's middle first
+// is in an empty cell, the nearest to the surfel's middle of the first few.
+//
+// Reads:   parts      6 x [16 size.x] positions and normals, nearest to the surfel's middle first
 //          corners    3 x [size.y triangles, rounded up to 16] vertices
 //          positions  3 x [vertex_stride] scene units, relative to the scene's origin
 //          boxes      [batches of START_BATCH triangles][6] middle and half size, likewise
 //          few        [START_FEW triangles][6] likewise
 //          cutouts    [size.y] >= 0 where a triangle has holes: those block nothing here
-//          occupancy, grid_box  see vpl/grid.clh
+//          occupancy, grid_box  see occupancy/grid.clh
 // Writes:  surfels    SURFEL_START
 //          part       [size.x] number of the part, or -1 where there is none
-// Macros:  VPL_GRID
-// Params:  lift       cells above the surface; shift: of the scene's origin; per_unit: of the
-// surfels Launch:  SSGI_LANES surfels per work-item, one row Cost:    20 operations per surfel and
-// batch, and box of a batch nearby; 50 per surfel and triangle
-//          of a box nearby
+// Macros:  OCCUPANCY_CELLS
+// Params:  shift: of the scene's origin; per_unit: of the surfels
+// Launch:  SSGI_LANES surfels per work-item, one row
+// Cost:    20 operations per surfel and batch, and box of a batch nearby; 50 per surfel and
+//          triangle of a box nearby
 
 #include "common/gbuffer.clh"
 #include "radiosity/surfel.clh"
 
-#ifndef VPL_GRID
-#error "VPL_GRID must be defined"
-#endif
 #if !defined(START_BATCH) || !defined(START_FEW)
 #error "ssgi_cl/device/constants.py defines START_BATCH, START_FEW"
 #endif
@@ -101,8 +99,8 @@ radiosity_start(__global const float *restrict parts, __global const int *restri
     if (first >= stride) {
         return;
     }
-    const float most = (float)VPL_GRID - 0.01f;
-    const float length = params.lift / grid_box[3];
+    const float most = (float)OCCUPANCY_CELLS - 0.01f;
+    const float length = grid_box[4] / grid_box[3];
     const int triangle_stride = (size.y + 15) & ~15;
     const int batches = (size.y + START_BATCH - 1) / START_BATCH;
     vfloat at[3];
@@ -111,18 +109,17 @@ radiosity_start(__global const float *restrict parts, __global const int *restri
     for (int number = 0; number < START_TRIES; ++number) {
         const vint own = (v_iota() + first) * 16 + number;
         vfloat p[3], d[3], lifted[3];
-        vint cell[3];
         for (int j = 0; j < 3; ++j) {
             p[j] = v_gather(parts + j * 16 * stride, own);
             d[j] = v_gather(parts + (3 + j) * 16 * stride, own) * length;
             lifted[j] = v_clamp((p[j] + d[j] - grid_box[j]) * grid_box[3], 0.0f, most);
-            cell[j] = v_to_int(lifted[j]);
             at[j] = number == 0 ? lifted[j] : at[j];
         }
         if (!v_any(searching)) {
             break;
         }
-        vmask clear = searching & ~surfel_occupied(occupancy, cell[0], cell[1], cell[2]);
+        const OccupancyCell start = {lifted[0], lifted[1], lifted[2], d[0], d[1], d[2]};
+        vmask clear = searching & ~occupancy_held(occupancy, start);
         for (int batch = 0; batch < batches && v_any(clear); ++batch) {
             if (!v_any(start_near(p, d, boxes + batch * 6, params, clear))) {
                 continue;

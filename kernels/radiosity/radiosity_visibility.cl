@@ -1,21 +1,19 @@
 // SPDX-License-Identifier: MIT
-// radiosity_visibility: which surfels see which, a ray through the occupancy grid for each pair.
+// radiosity_visibility: visibility of pairs of surfels, a ray through the occupancy grid for each.
 //
 // Pairs of which one does not face the other have no ray. A pair has one ray: words of surfels
-// before the receiver's own word are left to radiosity_mirror. Reads:   surfels    see surfel.clh
+// before the receiver's own word are left to radiosity_mirror.
+//
+// Reads:   surfels    see surfel.clh
 //          records    [size.x][SURFEL_RECORD] position, area, minus the normal, 0, flux, 0
-//          occupancy  see vpl/grid.clh
+//          occupancy  see occupancy/grid.clh
 // Writes:  visible    [size.y][size.x]: bit n of word w is 1 where surfel 32 w + n is visible
-// Macros:  VPL_GRID
+// Macros:  OCCUPANCY_CELLS
 // Launch:  SSGI_LANES surfels per work-item, a row for each 32 surfels that they may see
 // Cost:    16 operations and a division per pair, and some 20 reads per ray
 
 #include "common/gbuffer.clh"
 #include "radiosity/surfel.clh"
-
-#ifndef VPL_GRID
-#error "VPL_GRID must be defined"
-#endif
 
 __kernel void radiosity_visibility(__global const float *restrict surfels,
                                    __global const float *restrict records,
@@ -29,15 +27,15 @@ __kernel void radiosity_visibility(__global const float *restrict surfels,
         return;
     }
     const SurfelReceiver at = surfel_receivers(surfels, stride, first);
-    const VplCell start = surfel_starts(surfels, stride, first);
+    const OccupancyCell start = surfel_starts(surfels, stride, first);
     vint bits = v_splat_int(0);
     for (int n = 0; n < 32; ++n) {
         const int sender = word * 32 + n;
         const vfloat w = surfel_weight(records + sender * SURFEL_RECORD, at);
         const vmask wanted = v_gt(w, v_splat(0.0f));
         if (v_any(wanted)) {
-            const VplCell end = surfel_start(surfels, stride, sender);
-            const vmask blocked = vpl_blocked(occupancy, start, end, wanted);
+            const OccupancyCell end = surfel_start(surfels, stride, sender);
+            const vmask blocked = occupancy_blocked(occupancy, start, end, wanted);
             bits = bits | (wanted & ~blocked & v_splat_int((int)(1u << n)));
         }
     }

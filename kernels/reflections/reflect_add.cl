@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: MIT
-// reflect_add: the mean of what 5 x 5 pixels found, REFLECT_STRIDE apart; with REFLECT_LAST what
-// lobes reflect of it is added to radiance.
+// reflect_add: mean of the light within the lobes of 5 x 5 pixels, REFLECT_STRIDE apart; with
+// REFLECT_LAST the part that the lobe reflects is added to radiance.
 //
 // Pixels at the sides count half and those at the corners a quarter, so that each of the 16 sets of
 // rays counts alike; those of other surfaces do not count. A second pass takes means of means
 // further apart (Dammertz et al. 2010, "Edge-avoiding a-trous wavelet transform"), but of sharp
-// lobes. Reads:   linear, normal, albedo, specular, gloss  with margin
+// lobes.
+//
+// Reads:   linear, normal, albedo, specular, gloss  with margin
 //          reflected 3 x [rows, columns] W m^-2 sr^-1, see reflect_trace
 // Writes:  radiance  3 x [rows, columns] W m^-2 sr^-1: added to (REFLECT_LAST 1), or the mean
 // Macros:  REFLECT_STRIDE (pixels from one to the next), REFLECT_LAST (0, 1)
@@ -22,11 +24,10 @@
 #endif
 
 #define REFLECT_WIDE 2
-#define REFLECT_SHARP 1000.0f // gloss from which on a second pass takes the pixel alone
-#define REFLECT_OFF_PLANE                                                                          \
-    50.0f                    // 1 / distance from the tangent plane, of depth, that counts no more
-#define REFLECT_TURNED 20.0f // likewise 1 / (1 - cosine of normals)
-#define REFLECT_GLOSS 0.02f  // difference of gloss up to which surfaces are the same
+#define REFLECT_SHARP 1000.0f   // gloss from which on a second pass takes the pixel alone
+#define REFLECT_OFF_PLANE 50.0f // depth over the least distance from the tangent plane left out
+#define REFLECT_TURNED 20.0f    // likewise 1 / (1 - cosine of normals)
+#define REFLECT_GLOSS 0.02f     // difference of gloss up to which surfaces are the same
 
 __kernel void reflect_add(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo,
                           ssgi_plane specular, ssgi_plane gloss, ssgi_plane reflected,

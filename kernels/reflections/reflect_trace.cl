@@ -3,17 +3,17 @@
 // rays each.
 //
 // Method:  a ray that meets what the image shows takes the radiance of that pixel, with what its
-// lobe
-//          reflects spread all ways; one that leaves the occupancy grid, that of environments; any
-//          other, that of a volume of what surfaces send. Rays are distributed as the lobe;
-//          of 4 x 4 pixels each has others (Keller and Heidrich 2001, "Interleaved Sampling").
+//          lobe reflects spread all ways; one that leaves the occupancy grid, that of environments;
+//          any other, that of a volume of what surfaces send. Rays are distributed as the lobe; of
+//          4 x 4 pixels each has others (Keller and Heidrich 2001, "Interleaved Sampling").
 // Reads:   linear, normal, albedo, specular, gloss  with margin
 //          radiance  3 x [rows, columns] W m^-2 sr^-1, without lobes
 //          light     3 x [rows, columns] irradiance / pi
-//          sky, places  see sky.clh; volume  see volume.clh; occupancy, grid_box  see vpl/grid.clh
+//          sky, places  see sky.clh; volume  see volume.clh
+//          occupancy, grid_box  see occupancy/grid.clh
 // Writes:  reflected 3 x [rows, columns] W m^-2 sr^-1; 0 where nothing is glossy
-// Macros:  REFLECT_RAYS (of a pixel), REFLECT_STEPS (of a ray on the screen, at most), VPL_GRID,
-//          REFLECT_CELLS (of the volume, along a side)
+// Macros:  REFLECT_RAYS (of a pixel), REFLECT_STEPS (of a ray on the screen, at most),
+//          REFLECT_CELLS (of the volume, along a side), OCCUPANCY_CELLS
 // Params:  view to world rotation, margin, see the struct
 // Launch:  SSGI_LANES pixels of a row per work-item
 
@@ -21,11 +21,10 @@
 #include "reflections/sky.clh"
 #include "reflections/trace.clh"
 #include "reflections/volume.clh"
-#include "vpl/grid.clh"
+#include "occupancy/grid.clh"
 
-#if !defined(REFLECT_RAYS) || !defined(REFLECT_STEPS) || !defined(REFLECT_CELLS) ||                \
-    !defined(VPL_GRID)
-#error "REFLECT_RAYS, REFLECT_STEPS, REFLECT_CELLS and VPL_GRID must be defined by the host"
+#if !defined(REFLECT_RAYS) || !defined(REFLECT_STEPS) || !defined(REFLECT_CELLS)
+#error "REFLECT_RAYS, REFLECT_STEPS and REFLECT_CELLS must be defined by the host"
 #endif
 
 // Steps of the points of a lobe's rays: powers of 1 / the plastic number (Roberts 2018).
@@ -61,7 +60,7 @@ static inline SsgiWay reflect_way(const SsgiLobe *lobe, const SsgiWay mirrored, 
 static inline vfloat reflect_leave(const vfloat from, const vfloat way)
 {
     const vfloat edge =
-        v_select(v_splat(0.02f), v_splat((float)VPL_GRID - 0.02f), v_gt(way, v_splat(0.0f)));
+        v_select(v_splat(0.02f), v_splat((float)OCCUPANCY_CELLS - 0.02f), v_gt(way, v_splat(0.0f)));
     const vfloat along = v_select(way, v_splat(1e-6f), v_lt(v_abs(way), v_splat(1e-6f)));
     return v_select(v_splat(1e9f), v_max((edge - from) / along, v_splat(0.0f)),
                     v_gt(v_abs(way), v_splat(1e-6f)));
@@ -69,24 +68,25 @@ static inline vfloat reflect_leave(const vfloat from, const vfloat way)
 
 // Whether a ray is blocked that starts so many cells above its surface, besides the lift, and ends
 // after `until` cells or with the grid; `where` on its `length`, in cells.
-static inline vmask reflect_blocked(__global const int *restrict occupancy, const VplCell start,
-                                    const vfloat above, const SsgiWay way, const vfloat until,
-                                    const vmask wanted, vfloat *where, vfloat *length)
+static inline vmask reflect_blocked(__global const int *restrict occupancy,
+                                    const OccupancyCell start, const vfloat above,
+                                    const SsgiWay way, const vfloat until, const vmask wanted,
+                                    vfloat *where, vfloat *length)
 {
-    const float most = (float)VPL_GRID - 0.01f;
-    VplCell from = start;
+    const float most = (float)OCCUPANCY_CELLS - 0.01f;
+    OccupancyCell from = start;
     from.x = v_clamp(v_fma(start.nx, above, start.x), 0.0f, most);
     from.y = v_clamp(v_fma(start.ny, above, start.y), 0.0f, most);
     from.z = v_clamp(v_fma(start.nz, above, start.z), 0.0f, most);
     *length = v_min(v_min(reflect_leave(from.x, way.x), reflect_leave(from.y, way.y)),
                     v_min(reflect_leave(from.z, way.z), until));
-    const VplCell to = {v_fma(way.x, *length, from.x),
-                        v_fma(way.y, *length, from.y),
-                        v_fma(way.z, *length, from.z),
-                        -way.x,
-                        -way.y,
-                        -way.z};
-    return vpl_meets(occupancy, from, to, wanted, where);
+    const OccupancyCell to = {v_fma(way.x, *length, from.x),
+                              v_fma(way.y, *length, from.y),
+                              v_fma(way.z, *length, from.z),
+                              -way.x,
+                              -way.y,
+                              -way.z};
+    return occupancy_meets(occupancy, from, to, wanted, where);
 }
 
 __kernel void
@@ -95,8 +95,7 @@ reflect_trace(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo, ssgi_plan
               __global const float *restrict sky, __global const int *restrict places,
               __global const float *restrict volume, __global const int *restrict occupancy,
               __global const float *restrict grid_box, __global float *restrict reflected,
-              const int2 size, const SsgiCamera camera, const VplParams rays,
-              const ReflectParams params)
+              const int2 size, const SsgiCamera camera, const ReflectParams params)
 {
     const int x = ssgi_first_column();
     const int y = (int)get_global_id(1);
@@ -130,8 +129,9 @@ reflect_trace(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo, ssgi_plan
     const vfloat lift = k * v_splat(fmax(fabs(camera.to_x), fabs(camera.to_y)));
     const vfloat sx = v_fma(nx, lift, px), sy = v_fma(ny, lift, py);
     const vfloat start = v_max(v_fma(-nz, lift, depth), depth * REFLECT_NEAREST);
-    const float per = rays.per_unit;
-    const VplCell from = vpl_cell(px * per, py * per, -depth * per, nx, ny, nz, grid_box, rays);
+    const float per = params.per_unit;
+    const OccupancyCell from =
+        occupancy_cell(px * per, py * per, -depth * per, nx, ny, nz, grid_box);
     const vint tile = ((v_iota() + x) & 3) + 4 * (y & 3);
     for (int ray = 0; ray < REFLECT_RAYS; ++ray) {
         const vfloat number = v_to_float(tile * REFLECT_RAYS + ray) + 0.5f;

@@ -2,11 +2,14 @@
 // sampled_cutouts: triangles with holes in the depth maps of sampled lights.
 //
 // Texels whose middle meets a hole, which the alpha of the material's texture cuts out, stay as
-// they are. Reads:   chosen     [size.y] triangles with holes
+// they are.
+//
+// Reads:   chosen     [size.y] triangles with holes
 //          corners    3 x [triangles, rounded up to 16] vertices
 //          positions  3 x [vertex_stride] scene units, relative to the scene's origin
 //          uvs        2 x [vertex_stride]; cutouts, materials, textures, texels, decode: see
-//          raster_tiles views      see sampled_depth
+//                     raster_tiles
+//          views      see sampled_depth
 // Writes:  maps       see sampled_depth
 // Params:  size = (views, chosen triangles); triangles of the scene, vertex_stride, side: texels
 //          along a side of a map

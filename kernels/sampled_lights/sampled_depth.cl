@@ -9,14 +9,12 @@
 //                     which sampled_cutouts draws, all three the same
 //          views      [views][12] rows of the matrix to (column, row, depth) of the map, depth > 0
 // Writes:  maps       [views][texels][texels] bits of the least depth, INFINITY where nothing is;
-// the
-//          least is the same in any order
+//                     the least is the same in any order
 // Macros:  SAMPLED_BATCH: triangles of a work-item, a multiple of the lanes
 // Params:  size = (views, batches); number of triangles, texels along a map's side, views of a
 //          work-item
 // Launch:  one row for each batch and a column for each `each` views; with SSGI_LANES > 1 one row
-// in
-//          all, so that a map has one work-item that writes it and no store is atomic
+//          in all, so that a map has one work-item that writes it and no store is atomic
 // Cost:    90 operations per triangle and view; 30 per SSGI_LANES texels or small triangles
 
 #include "common/lanes.clh"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// vpl_blocks: the sums of runs become what comes before each of them in its block.
+// vpl_blocks: cumulative sums of the runs of each block, from their sums.
 //
 // Reads and writes:
 //          runs    see vpl/curve.clh

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// vpl_boxes: what bounds the surfaces of a tile of the image.
+// vpl_boxes: bounds of the surfaces of each tile of the image.
 //
 // Reads:   depth   [rows, columns] with margin, scene units; INFINITY where nothing is
 //          normal  3 x [rows, columns] with margin, view space

@@ -1,36 +1,36 @@
 // SPDX-License-Identifier: MIT
 // vpl_interleaved: irradiance by virtual point lights, of which each pixel of a 4 x 4 tile takes
-// one in 16, with an estimate of what stands between.
+// one in 16, with shadow rays that lights share.
 //
 // Method:  Keller and Heidrich 2001, "Interleaved Sampling"; Segovia et al. 2006, "Non-interleaved
 //          Deferred Shading of Interleaved Sample Patterns". A pixel's lights that are neighbours
 //          on the reflective shadow map share a shadow ray to one of them, chosen in proportion to
-//          flux, which is followed through the grid of vpl_occupy.
+//          flux, which is followed through the occupancy grid.
 // Reads:   depth   [rows, columns] with margin, scene units; INFINITY where nothing is
 //          normal  3 x [rows, columns] with margin, view space, unit length
 //          lights  [segments][params.span][VPL_FLOATS]
 //          lists   [tiles][16][params.capacity] and counts [tiles][16], see vpl_lists
-//          occupancy, grid_box  see vpl_occupy
+//          occupancy, grid_box  see occupancy/grid.clh
 //          near, near_counts  see vpl_near (VPL_PARTS 1)
 // Writes:  irradiance  3 x [rows, columns], W/m^2; 0 where nothing is
 // Macros:  VPL_NEAR, VPL_CUT, VPL_ADD and VPL_GLOSSY as in vpl_splat; VPL_VISIBILITY (0: light
-//          passes through walls, 1), VPL_GRID (32..256 cells along a side), VPL_SHARE (lights that
-//          share a line), VPL_PARTS (1: in place of one in 16 of the lights near by, each pixel
-//          takes one in 16 of the parts of all of them)
+//          passes through surfaces, 1), OCCUPANCY_CELLS (32..256 cells along a side), VPL_SHARE
+//          (lights that share a shadow ray), VPL_PARTS (1: in place of one in 16 of the lights near
+//          by, each pixel takes one in 16 of the parts of all of them)
 // Launch:  a work-item for each tile of 16 x 16, pixel of 4 x 4, and SSGI_LANES of the 16 such
 //          pixels
 // Cost:    1 / 16 of vpl_splat, and some 20 reads for each pixel and line
 
 #include "common/camera.clh"
 #include "common/gbuffer.clh"
-#include "vpl/grid.clh"
+#include "occupancy/grid.clh"
 #include "vpl/light.clh"
 #include "vpl/lobe.clh"
 #include "vpl/receiver.clh"
 
 #if !defined(VPL_NEAR) || !defined(VPL_CUT) || !defined(VPL_ADD) || !defined(VPL_VISIBILITY) ||    \
-    !defined(VPL_SHARE) || !defined(VPL_GRID) || !defined(VPL_GLOSSY) || !defined(VPL_PARTS)
-#error "VPL_NEAR, _CUT, _ADD, _SIGHT, _SHARE, _GRID, _GLOSSY, _PARTS must be defined"
+    !defined(VPL_SHARE) || !defined(VPL_GLOSSY) || !defined(VPL_PARTS)
+#error "VPL_NEAR, _CUT, _ADD, _VISIBILITY, _SHARE, _GLOSSY and _PARTS must be defined"
 #endif
 
 #define VPL_PIECES (16 / SSGI_LANES)
@@ -51,14 +51,11 @@ static inline float vpl_luminous(__global const float *restrict light)
 
 // Whether a light is hidden from lanes that want to know.
 static inline vmask vpl_hidden(__global const int *restrict occupancy,
-                               __global const float *restrict grid_box, const VplCell start,
-                               __global const float *restrict light, const vmask wanted,
-                               const VplParams params)
+                               __global const float *restrict grid_box, const OccupancyCell start,
+                               __global const float *restrict light, const vmask wanted)
 {
-    const VplCell finish = vpl_cell(v_splat(light[0]), v_splat(light[1]), v_splat(light[2]),
-                                    v_splat(-light[VPL_NORMAL]), v_splat(-light[VPL_NORMAL + 1]),
-                                    v_splat(-light[VPL_NORMAL + 2]), grid_box, params);
-    return vpl_blocked(occupancy, start, finish, wanted);
+    const OccupancyCell finish = occupancy_end(light, light + VPL_NORMAL, grid_box);
+    return occupancy_blocked(occupancy, start, finish, wanted);
 }
 #endif
 
@@ -129,7 +126,7 @@ __kernel void vpl_interleaved(ssgi_plane depth, ssgi_plane normal,
     lights += (params.segment + subset) * params.span * VPL_FLOATS;
     const vfloat zero = v_splat(0.0f);
 #if VPL_VISIBILITY
-    const VplCell start = vpl_cell(at.x, at.y, at.z, at.nx, at.ny, at.nz, grid_box, params);
+    const OccupancyCell start = occupancy_cell(at.x, at.y, at.z, at.nx, at.ny, at.nz, grid_box);
     const int pattern_x = tile_x * 4 + (subset & 3), pattern_y = tile_y * 4 + (subset >> 2);
 #endif
     vfloat sum[3] = {zero, zero, zero};
@@ -159,7 +156,7 @@ __kernel void vpl_interleaved(ssgi_plane depth, ssgi_plane normal,
         const float fraction = vpl_number(pattern_x, pattern_y, first / VPL_SHARE);
         __global const float *restrict one =
             vpl_target(all_lights, near_list + first, end - first, fraction, subset, params);
-        const vmask open = ~vpl_hidden(occupancy, grid_box, start, one, wanted, params);
+        const vmask open = ~vpl_hidden(occupancy, grid_box, start, one, wanted);
 #else
         const vmask open = wanted;
 #endif
@@ -193,7 +190,7 @@ __kernel void vpl_interleaved(ssgi_plane depth, ssgi_plane normal,
         const float fraction = vpl_number(pattern_x, pattern_y, first / VPL_SHARE);
         __global const float *restrict one =
             vpl_target(lights, list + first, end - first, fraction, -1, params);
-        const vmask open = ~vpl_hidden(occupancy, grid_box, start, one, wanted, params);
+        const vmask open = ~vpl_hidden(occupancy, grid_box, start, one, wanted);
         for (int j = 0; j < 3; ++j) {
             sum[j] = sum[j] + v_select(zero, part[j], open);
         }

@@ -48,9 +48,9 @@
 #if VPL_PARTS
 // Appends light `number` if it is kept, marked and with its 16 parts if it is close and there is
 // room for them beside all lights to come; returns the new count.
-static inline int vpl_append(__global int *restrict list, const int count, const int number,
-                             const int number_of, const int kept, const int close,
-                             const VplParams params)
+static inline int vpl_append_parts(__global int *restrict list, const int count, const int number,
+                                   const int number_of, const int kept, const int close,
+                                   const VplParams params)
 {
     if (close && count + 17 + number_of - number <= params.capacity) {
         for (int j = 0; j < 16; ++j) {
@@ -215,11 +215,11 @@ __kernel void vpl_lists(__global const float *restrict boxes, __global const flo
                             v_ilt(v_iota() + i, v_splat_int(number_of));
         if (v_any(close)) {
 #if SSGI_LANES == 1
-            count = vpl_append(list, count, i, number_of, kept, close, params);
+            count = vpl_append_parts(list, count, i, number_of, kept, close, params);
 #else
             const vint whole = v_iota() + i;
 #define VPL_APPEND(n)                                                                              \
-    count = vpl_append(list, count, whole.s##n, number_of, kept.s##n, close.s##n, params)
+    count = vpl_append_parts(list, count, whole.s##n, number_of, kept.s##n, close.s##n, params)
             (void)(SSGI_EACH(VPL_APPEND));
 #undef VPL_APPEND
 #endif
@@ -227,16 +227,7 @@ __kernel void vpl_lists(__global const float *restrict boxes, __global const flo
         }
 #endif
         if (v_any(kept)) {
-            // Written to every place, kept where the mask moves on.
-            const vint number = v_iota() + i;
-#if SSGI_LANES == 1
-            list[count] = number;
-            count -= kept;
-#else
-#define VPL_APPEND(n) list[count] = number.s##n, count -= kept.s##n
-            (void)(SSGI_EACH(VPL_APPEND));
-#undef VPL_APPEND
-#endif
+            count = vpl_append(list, count, v_iota() + i, kept);
         }
     }
     counts[own] = count;

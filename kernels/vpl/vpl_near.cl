@@ -47,15 +47,7 @@ __kernel void vpl_near(__global const float *restrict boxes, __global const floa
                 v_lt(squared, area * params.refine) & v_ilt(v_iota() + i, v_splat_int(number_of));
             // A place beyond the last is written to before the mask moves on, or doesn't.
             if (v_any(close) && count + SSGI_LANES <= params.near_capacity) {
-                const vint number = v_iota() + (i + subset * params.span);
-#if SSGI_LANES == 1
-                list[count] = number;
-                count -= close;
-#else
-#define VPL_APPEND(n) list[count] = number.s##n, count -= close.s##n
-                (void)(SSGI_EACH(VPL_APPEND));
-#undef VPL_APPEND
-#endif
+                count = vpl_append(list, count, v_iota() + (i + subset * params.span), close);
             } else if (v_any(close)) {
                 counts[tile] = 0;
                 return;

@@ -10,8 +10,10 @@
 //          importance  see vpl/curve.clh (VPL_WEIGHTED 1)
 // Writes:  quarters, runs  see vpl/curve.clh; of runs the sums alone. From run params.first_run on,
 //                          0 past the map
-// Macros:  VPL_GLOSSY (1: luminous flux counts by vpl_importance), VPL_WEIGHTED (1: by
-// vpl_weight_of) Launch:  SSGI_LANES runs per work-item Cost:    five scattered reads a texel
+// Macros:  VPL_GLOSSY (1: luminous flux counts by vpl_importance),
+//          VPL_WEIGHTED (1: by vpl_weight_of)
+// Launch:  SSGI_LANES runs per work-item
+// Cost:    five scattered reads a texel
 
 #include "common/gbuffer.clh"
 #include "vpl/curve.clh"

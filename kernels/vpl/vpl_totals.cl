@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// vpl_totals: the sums of blocks become what comes before each of them, and the sums of all.
+// vpl_totals: cumulative sums of the blocks, from their sums, and the sums of all.
 //
 // Reads and writes:
 //          blocks  see vpl/curve.clh

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// vpl_view_importance: what the texels of a reflective shadow map send to the image, per watt.
+// vpl_view_importance: irradiance of the image by the texels of a reflective shadow map, per watt.
 //
 // Method:  Georgiev and Slusallek 2010, "Simple and Robust Iterative Importance Sampling of Virtual
 //          Point Lights": lights are to be where their light reaches what the camera sees. Of four
@@ -12,11 +12,10 @@
 //          flux      3 x [rows, columns] W
 //          order     see vpl_partial_sums
 //          depth, seen_normal  of the G-buffer, with margin; view space
-//          occupancy, grid_box  see vpl/grid.clh
+//          occupancy, grid_box  see occupancy/grid.clh
 // Writes:  importance  [2][params.runs]: sums over the texels of a run that sent a ray, and how
-// many
-//                      these are
-// Macros:  VPL_GRID
+//                      many these are
+// Macros:  OCCUPANCY_CELLS
 // Params:  camera and size of the image; from the map's positions to view space in lengths of
 //          vpl.per_unit
 // Launch:  SSGI_LANES runs per work-item
@@ -25,12 +24,8 @@
 #include "common/camera.clh"
 #include "common/gbuffer.clh"
 #include "vpl/curve.clh"
-#include "vpl/grid.clh"
+#include "occupancy/grid.clh"
 #include "vpl/receiver.clh"
-
-#ifndef VPL_GRID
-#error "VPL_GRID must be defined"
-#endif
 
 #define VPL_EVERY 4    // texels of a run, of which one sends a ray
 #define VPL_R2_X 24735 // 2^15 over the plastic number, and over its square, rounded to odd numbers
@@ -44,7 +39,7 @@ __kernel void vpl_view_importance(ssgi_plane position, ssgi_plane normal, ssgi_p
                                   __global float *restrict importance,
                                   const int2 size, // of the map
                                   const SsgiCamera camera, const VplParams vpl,
-                                  const VplCurveParams params, const VplTurn turn,
+                                  const VplCurveParams params, const ToViewParams turn,
                                   const int columns, const int rows)
 {
     const int first = ssgi_first_column();
@@ -57,7 +52,7 @@ __kernel void vpl_view_importance(ssgi_plane position, ssgi_plane normal, ssgi_p
     const vmask in_map = v_ilt(face, v_splat_int(params.faces));
     const vint own = v_iselect(v_splat_int(0), run - face * params.face_runs, in_map);
     const vint top = v_iselect(v_splat_int(0), face * params.face_rows, in_map);
-    const float near = (float)VPL_GRID / 16.0f / grid_box[3];
+    const float near = (float)OCCUPANCY_CELLS / 16.0f / grid_box[3];
     vfloat sum = zero, count = zero;
     for (int i = 0; i < VPL_RUN; i += VPL_EVERY) {
         const vint k = (run & (VPL_EVERY - 1)) + i;
@@ -102,9 +97,9 @@ __kernel void vpl_view_importance(ssgi_plane position, ssgi_plane normal, ssgi_p
         if (!v_any(wanted)) {
             continue;
         }
-        const VplCell start = vpl_cell(at.x, at.y, at.z, at.nx, at.ny, at.nz, grid_box, vpl);
-        const VplCell end = vpl_cell(lx, ly, lz, mx, my, mz, grid_box, vpl);
-        sum = sum + v_select(zero, w, wanted & ~vpl_blocked(occupancy, start, end, wanted));
+        const OccupancyCell start = occupancy_cell(at.x, at.y, at.z, at.nx, at.ny, at.nz, grid_box);
+        const OccupancyCell end = occupancy_cell(lx, ly, lz, mx, my, mz, grid_box);
+        sum = sum + v_select(zero, w, wanted & ~occupancy_blocked(occupancy, start, end, wanted));
     }
     v_store(sum, importance + params.first_run + first);
     v_store(count, importance + params.runs + params.first_run + first);

@@ -105,9 +105,9 @@ VPL_SHARPEST = SHARPEST
 """Exponent of a lobe at most."""
 VPL_TERMS = 64
 """Lights summed before they are added to the sum: float32 rounds less so."""
-VPL_CELLS = 4
+OCCUPANCY_BLOCK = 4
 """Cells along the side of a block of the occupancy grid."""
-VPL_MARGIN_CELLS = 6
+OCCUPANCY_MARGIN = 6
 """Cells of the occupancy grid beside its contents along each axis, half of them on either side."""
 VPL_RUN = 16
 """Texels of a run of the cumulative flux."""

@@ -13,7 +13,7 @@ from ssgi_cl.core import checks
 from ssgi_cl.core.params import Params, param
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.arrays import Size
-from ssgi_cl.device.constants import VPL_MARGIN_CELLS
+from ssgi_cl.device.constants import OCCUPANCY_MARGIN
 from ssgi_cl.frame.skips import Needs, chosen_skips
 from ssgi_cl.techniques.ao.occlusion import OcclusionParams
 from ssgi_cl.techniques.catalogue import TECHNIQUES
@@ -272,7 +272,7 @@ def whole_params(bounces: object, preset: object, indirect: object) -> WholeFram
 
 def cell_size(scene: Scene) -> float:
     """Return the side of a cell of the occupancy grid that holds a scene, scene units."""
-    return float(np.ptp(scene.bounds, axis=0).max() or 1.0) / (MOST_CELLS - VPL_MARGIN_CELLS)
+    return float(np.ptp(scene.bounds, axis=0).max() or 1.0) / (MOST_CELLS - OCCUPANCY_MARGIN)
 
 
 def ao_name(ao: object, samples: int | None) -> str | None:

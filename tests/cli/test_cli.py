@@ -163,7 +163,7 @@ def test_render_adds_indirect_light_and_writes_it(tmp_path: Path) -> None:
         "-o",
         tmp_path / "a.exr",
     )
-    assert {"vpl_voxelize", "vpl_interleaved"} <= {p["name"] for p in facts["passes"]}
+    assert {"occupancy_voxelize", "vpl_interleaved"} <= {p["name"] for p in facts["passes"]}
     channels = exr.read(tmp_path / "a.exr")
     assert all(channels[f"indirect.{c}"].mean() > 0.0 for c in "RGB")
 

@@ -21,8 +21,8 @@ KNOWN = {
     # A flag that only ever gets one value in a launch; looked at first to spare the exchange.
     ("Read-write data race", "rsm_face"),
     # Bits that are only ever set, looked at first for the same reason.
-    ("Read-write data race", "vpl_occupy"),
-    ("Read-write data race", "vpl_voxelize"),
+    ("Read-write data race", "occupancy_pixels"),
+    ("Read-write data race", "occupancy_voxelize"),
     # Lanes outside the image read and write the guard, which is 0 and gets 0.
     ("Read-write data race", "vpl_interleaved"),
 }

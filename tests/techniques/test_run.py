@@ -17,9 +17,9 @@ from ssgi_cl.core.params import Prepared
 from ssgi_cl.device.arrays import DeviceArray, Plane
 from ssgi_cl.techniques.catalogue import CATALOGUE
 from ssgi_cl.techniques.multires.multires_grid import MultiresGrid
+from ssgi_cl.techniques.radiosity.radiosity import RadiosityLight
 from ssgi_cl.techniques.ssdo.ssdo import SsdoPlanes
 from ssgi_cl.techniques.technique import FIRST
-from ssgi_cl.techniques.vpl.packed_vpls import WorldVpls
 
 OTHER_FIRST = {"Radiosity": "scene", "Tonemap": "radiance"}
 """Classes whose first argument isn't the G-buffer."""
@@ -31,7 +31,7 @@ NEEDED = {
     "ViewImportance": {"occupancy"},
 }
 """Arguments that are given by name and have no default."""
-RESULTS = {Plane, SsdoPlanes, WorldVpls, DeviceArray, NoneType}
+RESULTS = {Plane, SsdoPlanes, RadiosityLight, DeviceArray, NoneType}
 WITHOUT = {"SliceScan", "MultiresGrid"}
 """What is prepared without a result of its own: it prepares what others read, or is driven."""
 

@@ -28,7 +28,7 @@ def reflections(build: Build) -> Stage:
             lights=r[LIGHTS],
             shadows=r[SHADOWS],
             occupancy=r[OCCUPANCY],
-            volume=r[LIGHT_VOLUME](),
+            volume=r[LIGHT_VOLUME],
         )
         return radiance
 

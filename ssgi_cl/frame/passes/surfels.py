@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from ssgi_cl.frame.passes.build import Build
 from ssgi_cl.frame.passes.resources import CASTING, LIGHT_VOLUME, LIGHTS, RSM, SURFELS
 from ssgi_cl.frame.stage import Stage, Values
-from ssgi_cl.techniques.radiosity.light_volume import LightVolume
-from ssgi_cl.techniques.radiosity.radiosity import Radiosity, RadiosityParams
-from ssgi_cl.techniques.vpl.world_vpls import WorldVpls
+from ssgi_cl.techniques.radiosity.radiosity import Radiosity, RadiosityLight, RadiosityParams
 
 
 def surfels(build: Build) -> Stage:
@@ -17,9 +13,8 @@ def surfels(build: Build) -> Stage:
     whole = build.params.whole_params()
     radiosity = Radiosity(build.runtime, RadiosityParams(surfels=whole.surfels, bounces=whole.bounces))
 
-    def run(r: Values) -> tuple[WorldVpls | None, Callable[[], LightVolume | None]]:
+    def run(r: Values) -> RadiosityLight:
         maps = r[RSM]
-        light = radiosity.run(r[CASTING], r[LIGHTS], rsms=[] if maps is None else [maps])
-        return light, lambda: radiosity.volume  # computed where a reflection asks for it
+        return radiosity.run(r[CASTING], r[LIGHTS], rsms=[] if maps is None else [maps])
 
     return Stage(name="radiosity", reads=(CASTING, LIGHTS), hints=(RSM,), writes=(SURFELS, LIGHT_VOLUME), run=run)

@@ -1,4 +1,4 @@
-"""Which points of which level are computed, as defined in `techniques.multires.multires_grid`."""
+"""Levels of points of `techniques.multires.multires_grid`, and interpolation between, in float64."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 BESIDE = ((0, -1), (0, 1), (-1, 0), (1, 0))
 """Rows and columns to neighbours, two in the row, two in the column."""
 LEAST = 1e-9
-"""Of a sum of weights: MULTIRES_LEAST."""
+"""Least sum of weights: MULTIRES_LEAST."""
 BEGINS, ENDS, NO_SECOND_DIFFERENCE, BEYOND = 0.8, 1.1, 0.15, 1.4
 """Those of MULTIRES_ in kernels/multires/multires_interpolate.cl."""
 UNKNOWN = 1e30

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class EveryLight:
-    """What the fields of the same names in `VplSplatParams` say: all lights at every pixel."""
+    """Fields of `VplSplatParams` for all lights at every pixel."""
 
     cutoff: float
     unit_distance: float

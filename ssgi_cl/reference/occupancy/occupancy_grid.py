@@ -1,4 +1,4 @@
-"""The grid of seen surfaces, and view rays through it, in float64."""
+"""Occupancy grid, and shadow rays through it, in float64."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ Doubles = NDArray[np.float64]
 LIFT, MESH_LIFT = 1.9, 1.5
 """Cells above their surfaces at which rays begin and end: seen surfaces, triangles."""
 ENDS = 5.0
-"""Cells at either end whose surfaces count only if the ray leaves them; VPL_ENDS in
-kernels/vpl/grid.clh."""
+"""Cells at either end whose surfaces count only if the ray leaves them; OCCUPANCY_ENDS in
+kernels/occupancy/grid.clh."""
 TOWARDS = 3
-"""Cells towards the eye that a ray starts from a surface at most; VPL_TOWARDS there."""
+"""Cells towards the eye that a ray starts from a surface at most; OCCUPANCY_TOWARDS there."""
 SLOPE = 0.015
-"""Cells by which a line may sink towards a surface at its ends; VPL_SLOPE there."""
+"""Cells by which a line may sink towards a surface at its ends; OCCUPANCY_SLOPE there."""
 APART = 16.0
-"""Cells between two pixels that are filled; VPL_MOST_APART in kernels/vpl/vpl_occupy.cl."""
+"""Cells between two pixels that are filled; PIXEL_MOST_APART in kernels/occupancy/occupancy_pixels.cl."""
 BEND = 0.5
-"""Of the step to the next pixel, by which steps of one surface may differ; VPL_BEND there."""
+"""Difference between steps of one surface, over the step to the next pixel; PIXEL_BEND there."""
 
 
 class OccupancyGridReference:
-    """Which of cells^3 cubes hold a surface.
+    """Occupied cells of cells^3 cubes.
 
     Without `triangles` cells that hold a point of a surface, or of a line between neighbours on
     one; with them, those that they occupy, see `voxelized`.

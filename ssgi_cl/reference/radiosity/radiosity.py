@@ -1,4 +1,4 @@
-"""Light that patches exchange, in float64."""
+"""Light exchange between patches, in float64."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What arrives within the lobes of pixels, in float64: rays on the screen, then environments."""
+"""Light within the lobes of pixels, in float64: rays on the screen, then environments."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ FIRST, SECOND, THIRD = 0.7548776662, 0.5698402910, 0.8191725134
 
 @dataclass(frozen=True, eq=False)
 class Screen:
-    """What an image shows, by pixels: u is 1 / depth or, orthographic, -depth; greater is nearer.
+    """Surfaces of an image by pixel: u is 1 / depth or, orthographic, -depth; greater is nearer.
 
     Attributes:
         gbuffer: without margin.

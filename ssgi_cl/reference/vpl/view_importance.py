@@ -1,4 +1,4 @@
-"""What the texels of reflective shadow maps send to the image, in float64."""
+"""View importance of the texels of reflective shadow maps, in float64."""
 
 from __future__ import annotations
 

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 Doubles = NDArray[np.float64]
 
 PARTS = 16
+"""Parts of a light: as many as tiles of 4 x 4 pixels have subsets."""
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-"""Of linear sRGB (ITU-R BT.709)."""
-"""Of a light: as many as tiles of 4 x 4 pixels have subsets."""
+"""Luminance of linear sRGB (ITU-R BT.709)."""
 SHARPEST = 1000.0
 """Greatest exponent of a lobe."""
 

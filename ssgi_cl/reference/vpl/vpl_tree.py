@@ -11,25 +11,23 @@ from numpy.typing import NDArray
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.vpls import Vpls
 from ssgi_cl.reference.occupancy.occupancy_grid import OccupancyGridReference
+from ssgi_cl.reference.vpl.vpl_splat import LUMINANCE, PARTS
 
 Doubles = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
-LUMINANCE = (0.2126, 0.7152, 0.0722)
-"""Of linear sRGB (ITU-R BT.709)."""
 CURVED, BENT = 3.0, 0.3
 """CUT_CURVED and CUT_BENT in kernels/multires/cut.clh."""
 BRIGHT, FAINT = 0.35, 0.25
-"""Of the error of runs: 64 lights that send less share a shadow ray."""
-PARTS = 16
+"""BRIGHT and FAINT of `techniques.vpl.vpl_tree`."""
 GOLDEN = 0.618034
 AXES = (1.0, 0.94, 1.13)
-"""How the axes are weighed in kernels/multires/cluster_order.cl."""
+"""Weights of the axes in kernels/multires/cluster_order.cl."""
 
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """What bounds some samples: positions, normals and heights of tangent planes, view space."""
+    """Bounds of some samples: positions, normals and heights of tangent planes, view space."""
 
     low: Doubles
     high: Doubles

@@ -1,4 +1,4 @@
-"""Choosing virtual point lights from reflective shadow maps in float64."""
+"""Choice of virtual point lights from reflective shadow maps, in float64."""
 
 from __future__ import annotations
 
@@ -11,15 +11,9 @@ from numpy.typing import NDArray
 from ssgi_cl.core.gbuffer import ReflectiveShadowMap
 from ssgi_cl.core.vpls import Vpls
 from ssgi_cl.reference.rsm.rsm import hilbert_order, mirrored_axes, texels
+from ssgi_cl.reference.vpl.vpl_splat import LUMINANCE, PARTS, SHARPEST
 
 Doubles = NDArray[np.float64]
-
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-"""Of linear sRGB (ITU-R BT.709)."""
-SHARPEST = 1000.0
-"""Greatest exponent of a lobe."""
-PARTS = 16
-"""Of a light, for interleaved sampling in tiles of 4 x 4 pixels."""
 
 
 def choose_vpls_reference(

@@ -1,4 +1,4 @@
-"""Where to compute a result that is smooth in most places, and what it is in between."""
+"""Multiresolution grid: the points at which a mostly smooth result is computed, and interpolation between."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats
+from ssgi_cl.techniques.vpl.vpl_light import camera_of
 
 MULTIRES = Struct(
     "MultiresParams",
@@ -32,10 +33,10 @@ STEPS = (1, 2, 4, 8, 16, 32)
 COARSE_BOUND = 4.0
 """Error allowed at step 1, in parts of that which is asked for; see `bound_scale`."""
 BOUND_POWER = -1.0
-"""Of the step, by which coarser levels are allowed less."""
+"""Power of the step by which coarser levels are allowed less."""
 BEGINS, ENDS = 0.8, 1.1
-"""In parts of the bound: estimated errors at which a point begins to be computed, and from which on
-nothing of it is interpolated. Neither a pixel nor its light jumps in between."""
+"""Estimated errors at which a point begins to be computed, and from which on nothing of it is
+interpolated, in parts of the bound. Neither a pixel nor its light jumps in between."""
 NO_SECOND_DIFFERENCE = 0.15
 """Estimated error where no second difference is known, in largest differences between corners."""
 BEYOND = 1.4
@@ -45,7 +46,7 @@ MOST_CHANNELS = 16
 
 @dataclass(frozen=True, kw_only=True)
 class MultiresGridParams(Params):
-    """Which points of a level stand for which others."""
+    """Parameters of the levels of points and of the weights of interpolation."""
 
     coarsest: int = param(
         16,
@@ -246,10 +247,7 @@ class MultiresGrid(Prepared[MultiresGridParams]):
         Raises:
             ValueError: a G-buffer of another size, or an empty one.
         """
-        if gbuffer.size != self.size:
-            raise ValueError(f"the G-buffer's size is {gbuffer.size}: expected {self.size}")
-        if gbuffer.camera is None:
-            raise ValueError("the device G-buffer is empty: draw or upload something first")
+        camera_of(gbuffer, self.size)
         finer: Source = gbuffer
         for points in reversed(self._points):
             points.update(finer)
@@ -272,7 +270,7 @@ class MultiresGrid(Prepared[MultiresGridParams]):
             coarser = level
 
     def counts(self) -> dict[int, int]:
-        """Return how many points of each step were computed. Waits for the device."""
+        """Return the number of points computed for each step. Waits for the device."""
         return {level.step: int(level.list.download()[0]) for level in self._levels}
 
     def computed(self) -> NDArray[np.int32]:

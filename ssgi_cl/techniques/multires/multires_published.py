@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,10 +20,9 @@ from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.techniques.multires.multires_grid import TILE, Level
-from ssgi_cl.techniques.vpl.packed_vpls import DeviceVpls, VplChooser
+from ssgi_cl.techniques.vpl.packed_vpls import VPL, DeviceVpls, VplChooser, packed_params
 from ssgi_cl.techniques.vpl.vpl_light import NoLight, camera_of
 from ssgi_cl.techniques.vpl.vpl_tree import CPU_ITEMS
-from ssgi_cl.techniques.vpl_struct import VPL
 
 SUBSPLAT = Struct("SubsplatParams", floats("depth", "normal", "coarser_depth", "coarser_normal"))
 IMAGES, EMPTY = SUBSPLAT_IMAGES, SUBSPLAT_EMPTY
@@ -79,7 +78,7 @@ class MultiresPublished(Prepared[MultiresPublishedParams]):
     """
 
     name: ClassVar[str] = "multires published"
-    """Of the pass that is skipped where no light is."""
+    """Name of the pass that is reported as skipped without light."""
 
     def __init__(self, runtime: Runtime, size: Size, params: MultiresPublishedParams | None = None) -> None:
         self.runtime = runtime
@@ -106,9 +105,7 @@ class MultiresPublished(Prepared[MultiresPublishedParams]):
 
         Args:
             gbuffer: what the camera sees; its front layer alone counts, and not its margin.
-            vpls: at most as many as the parameters say; None to choose them from `rsms` on the
-                device, where nothing is done again as long as the maps stay the same.
-            rsms: what the lights are chosen from.
+            vpls, rsms: see `VplSplat.run`.
 
         Raises:
             ValueError: the G-buffer is empty or has another size, or there are too many lights.
@@ -126,7 +123,7 @@ class MultiresPublished(Prepared[MultiresPublishedParams]):
         return self._combine()
 
     def counts(self) -> list[int]:
-        """Return how many subsplats each level has, from the finest on. Waits for the device."""
+        """Return the number of subsplats of each level, from the finest on. Waits for the device."""
         return [int(level.list.download()[0]) for level in self._levels]
 
     def computed(self) -> NDArray[np.int32]:
@@ -179,15 +176,6 @@ class MultiresPublished(Prepared[MultiresPublishedParams]):
         items = 1 << 30 if is_gpu else CPU_ITEMS * self.runtime.device.max_compute_units
         pieces = -(-level.most // (lanes * ROWS))
         for batch in self._lights.batches():
-            packed = VPL.pack(
-                {
-                    **_ZEROS,
-                    **self._lights.values,
-                    **batch,
-                    "margin_columns": gbuffer.margin[1],
-                    "margin_rows": gbuffer.margin[0],
-                }
-            )
             self._shade.run(
                 level.size,
                 grid=(1, min(pieces, items)),
@@ -198,7 +186,7 @@ class MultiresPublished(Prepared[MultiresPublishedParams]):
                 lights=self._lights.lights,
                 values=level.values,
                 camera=gbuffer.camera_struct,
-                params=packed,
+                params=packed_params({**self._lights.values, **batch}, gbuffer.margin),
                 image=self.size,
                 step=level.step,
             )
@@ -221,6 +209,3 @@ class MultiresPublished(Prepared[MultiresPublishedParams]):
             )
             values, fractions = merged, merged_fractions
         return values
-
-
-_ZEROS: dict[str, Any] = {name: 0 for name, _ in VPL.members}

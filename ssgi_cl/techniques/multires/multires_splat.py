@@ -1,11 +1,11 @@
-"""One bounce of light from virtual point lights, computed where it is not smooth."""
+"""Multiresolution splatting: one-bounce indirect light, computed where it is not smooth."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain
-from typing import Any, ClassVar, TypedDict, Unpack
+from typing import Any, ClassVar, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,19 +18,20 @@ from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime, serialised
-from ssgi_cl.device.structs import CAMERA
 from ssgi_cl.rasterize.raster.device_scene import DeviceScene
 from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.techniques.methods import Method, chosen_params
-from ssgi_cl.techniques.multires.multires_grid import MultiresGrid, MultiresGridParams, Source
+from ssgi_cl.techniques.multires.multires_grid import MultiresGrid, MultiresGridParams
 from ssgi_cl.techniques.multires.multires_published import MultiresPublished, MultiresPublishedParams
 from ssgi_cl.techniques.occupancy.occupancy_grid import Occupancy, OccupancyGrid, check_grid, grid_param
 from ssgi_cl.techniques.technique import Bench, Technique
-from ssgi_cl.techniques.vpl.packed_vpls import DeviceVpls, VplChooser
+from ssgi_cl.techniques.vpl.packed_vpls import DeviceVpls, VplChooser, power_of_two
+from ssgi_cl.techniques.vpl.tile_boxes import BOX, bound_tiles, tiles_of
 from ssgi_cl.techniques.vpl.view_importance import ViewImportance
 from ssgi_cl.techniques.vpl.vpl_light import (
     NEARS,
     NoLight,
+    VplKeywords,
     VplParams,
     camera_of,
     cutoff_param,
@@ -38,10 +39,8 @@ from ssgi_cl.techniques.vpl.vpl_light import (
     lit_by_maps,
     refine_param,
 )
-from ssgi_cl.techniques.vpl.vpl_splat import BOX, TILE
 from ssgi_cl.techniques.vpl.vpl_tree import SHARES, VplTree
 from ssgi_cl.techniques.vpl.world_vpls import WorldVpls
-from ssgi_cl.techniques.vpl_struct import VPL
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,21 +92,14 @@ class MultiresSplatParams(MultiresGridParams, VplParams):
             raise ValueError(f"share is {self.share}: expected one of {SHARES} (lights)")
 
 
-class MultiresSplatKeywords(TypedDict, total=False):
+class MultiresSplatKeywords(VplKeywords, total=False):
     """The other parameters of `multires_splat`, of either method."""
 
     cutoff: float
-    unit_distance: float
-    near: str
     coarsest: int
     plane_tolerance: float
     normal_tolerance: float
     light_error: float
-    refine: float
-    visibility: bool
-    grid: int
-    share: int
-    importance: bool
     levels: int
     depth_threshold: float
     normal_threshold: float
@@ -115,7 +107,7 @@ class MultiresSplatKeywords(TypedDict, total=False):
 
 @dataclass(frozen=True, eq=False)
 class Gathered:
-    """What `MultiresSplat.gather` returns.
+    """Result of `MultiresSplat.gather`.
 
     Attributes:
         irradiance: 3 images, W/m^2, in memory that the next run writes to.
@@ -144,7 +136,7 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
     """
 
     name: ClassVar[str] = "multires splat"
-    """Of the pass that is skipped where no light is."""
+    """Name of the pass that is reported as skipped without light."""
 
     def __init__(
         self, runtime: Runtime, size: Size, params: MultiresSplatParams | None = None, *, surfels: int = 0
@@ -158,7 +150,7 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
         self._chooser = VplChooser(runtime, (self._lights,), params.vpls)
         # Of what is seen through and of what is behind it there is one each at the same time.
         self._occupancy = OccupancyGrid(runtime, params.grid, size, kept=False) if params.visibility else None
-        tiles = (-(-size[0] // TILE), -(-size[1] // TILE))
+        tiles = tiles_of(size)
         self._boxes = runtime.empty(tiles[0] * tiles[1] * BOX, np.float32)
         self.tree = VplTree(
             runtime, self._lights, NEARS.index(params.near), int(params.cutoff > 0.0), self._occupancy, params.share
@@ -196,12 +188,7 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
         """Queue the passes; return irradiance, and what blocked light.
 
         Args:
-            gbuffer: what the camera sees; with `visibility`, all its layers and its margin block
-                light.
-            vpls: at most as many as the parameters say; None to choose them from `rsms` on the
-                device, where nothing is done again as long as the maps stay the same.
-            rsms: what the lights are chosen from; with `visibility`, what else blocks light.
-            scene: with `visibility`, the triangles that block light in place of what is seen.
+            gbuffer, vpls, rsms, scene: see `VplSplat.run`.
             surfels: lights besides those that are chosen from `rsms`, such as `Radiosity` returns;
                 at most as many as this was prepared for, and `vpls` is None.
             other_light: planes of irradiance in W/m^2 that the result is added to: errors are
@@ -225,7 +212,8 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
             self._lights.place(None, camera, more=surfels)
         occupancy = None
         if self._occupancy is not None:
-            occupancy = self._block(gbuffer, self.grid.half(gbuffer), rsms, self._occupancy, scene, self._lights)
+            tiles = bound_tiles(self.runtime, self.grid.half(gbuffer), self._boxes, self._lights)
+            occupancy = self._occupancy.fill(gbuffer, rsms, self._boxes, tiles, self._lights, scene)
             if curve is not None and params.importance:
                 importance = self._importance.run(gbuffer, curve, occupancy=occupancy)
                 self._chooser.place(rsms, camera, kinds=1, importance=importance, more=surfels)
@@ -241,43 +229,11 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
     def block(self, gbuffer: DeviceGBuffer, scene: Scene) -> Occupancy:
         """Queue the passes that find what blocks rays where nothing shone, for other rays."""
         assert self._occupancy is not None  # noqa: S101  of an object with `visibility`
-        corners = box_corners(scene.bounds)
-        dark = Vpls(corners, np.tile([0.0, 0.0, 1.0], (8, 1)), np.zeros((8, 3)), np.ones(8))
-        lights = DeviceVpls(self.runtime, 16)
-        lights.upload(dark, camera_of(gbuffer, self.size))
+        view = camera_of(gbuffer, self.size).view
+        corners = box_corners(scene.bounds) @ view[:3, :3].T + view[:3, 3]
+        unit = power_of_two(float(np.abs(corners).max()))
         solid = device_scene(scene, self.runtime)
-        return self._block(gbuffer, gbuffer, (), self._occupancy, solid, lights)
-
-    def _block(
-        self,
-        gbuffer: DeviceGBuffer,
-        seen: Source,
-        rsms: Sequence[DeviceRsm],
-        grid: OccupancyGrid,
-        scene: DeviceScene | None,
-        lights: DeviceVpls,
-    ) -> Occupancy:
-        """Queue the passes that mark what blocks light.
-
-        The grid spans the lights and what is `seen`: some pixels of the G-buffer, or all.
-        """
-        values = {
-            **dict.fromkeys((name for name, _ in VPL.members), 0),
-            **lights.values,
-            "margin_columns": seen.margin[1],
-            "margin_rows": seen.margin[0],
-        }
-        tiles = (-(-seen.size[0] // TILE), -(-seen.size[1] // TILE))
-        self.runtime.kernel("vpl/vpl_boxes.cl", structs=(CAMERA, VPL)).run(
-            seen.size,
-            grid=tiles,
-            depth=seen.depth,
-            normal=seen.normal,
-            boxes=self._boxes,
-            camera=seen.camera_struct,
-            params=VPL.pack(values),
-        )
-        return grid.fill(gbuffer, rsms, self._boxes, lights.bounds, lights.segments, seen.size, values, scene)
+        return self._occupancy.fill_scene(solid, view, unit, corners.min(axis=0), corners.max(axis=0))
 
     def __call__(
         self, gbuffer: GBuffer | DeviceGBuffer, vpls: Vpls, out: NDArray[np.float32] | None = None
@@ -317,7 +273,7 @@ def multires_splat(
 
     Departs, with method "adaptive": where to compute is decided by the light's differences, to an
     error that is asked for; few lights stand for many (after Walter et al. 2005, "Lightcuts");
-    lights give way to their parts near by; walls may block light. Method "published" is as
+    near lights give way to their parts; surfaces may block light. Method "published" is as
     published: a min-max mipmap of depth and normals decides, see `MultiresPublishedParams`.
 
     Args:
@@ -377,7 +333,7 @@ DESCRIPTOR = Technique(
             "SHADE_PARTS",
             "SHADE_ROWS",
             "VPL_CUT",
-            "VPL_GRID",
+            "OCCUPANCY_CELLS",
             "VPL_NEAR",
             "VPL_VISIBILITY",
         ),

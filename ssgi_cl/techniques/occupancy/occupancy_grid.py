@@ -1,10 +1,10 @@
-"""Occupancy grid: the surfaces of a scene, or what is seen of them, that block shadow rays."""
+"""Occupancy grid: cells that hold surfaces of a scene, or those seen, which block shadow rays."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,19 +12,22 @@ from numpy.typing import NDArray
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.params import param
 from ssgi_cl.device.arrays import DeviceArray, Size
-from ssgi_cl.device.constants import VPL_BOX, VPL_CELLS
+from ssgi_cl.device.constants import OCCUPANCY_BLOCK, VPL_BOX
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.rasterize.raster.device_scene import DeviceScene
-from ssgi_cl.techniques.vpl_struct import VPL
 
-TURN = Struct("VplTurn", floats("xx", "xy", "xz", "x", "yx", "yy", "yz", "y", "zx", "zy", "zz", "z"))
+OCCUPANCY = Struct("OccupancyParams", (*floats("lift"), *((n, "int") for n in ("boxes", "segments", "stride"))))
+TO_VIEW = Struct("ToViewParams", floats("xx", "xy", "xz", "x", "yx", "yy", "yz", "y", "zx", "zy", "zz", "z"))
+"""Rows of a matrix to view space."""
 GRIDS = (32, 64, 128, 256)
 MOST_CELLS = 128
-"""That are chosen: with 256 view rays take twice the time, and few scenes gain."""
-BLOCK = VPL_CELLS
+"""Cells chosen by default at most: with 256 shadow rays take twice the time, and few scenes gain."""
+BLOCK = OCCUPANCY_BLOCK
+BOX = 5
+"""Floats that say where a grid is."""
 LIFT, MESH_LIFT = 1.9, 1.5
 """Cells above their surfaces at which rays begin and end, lest these block them. Cells that pixels
 touch reach sqrt(3) beyond their plane at most, those of triangles (sqrt(3) + sqrt(1/3)) / 2 = 1.15;
@@ -52,7 +55,7 @@ def check_grid(cells: int) -> None:
 
 
 def cells_for(size: Size) -> int:
-    """Return how many cells along a side leave no holes in the surfaces that an image shows.
+    """Return the cells along a side that leave no holes in the surfaces of an image.
 
     The grid is as wide as what is seen, so its cells must be wider than pixels; surfaces that are
     seen at an angle take a half more.
@@ -63,25 +66,37 @@ def cells_for(size: Size) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Occupancy:
-    """What blocks rays in the view space of one G-buffer.
+    """The surfaces that block rays, in the view space of one G-buffer.
 
     Attributes:
-        grid, box: see kernels/vpl/grid.clh.
+        grid, box: see kernels/occupancy/grid.clh.
         cells: along a side.
-        lift: cells above their surfaces at which rays begin and end.
-        rays: the struct `VPL` of rays through it.
+        unit: scene units of the length in which `box` counts.
     """
 
     grid: DeviceArray
     box: DeviceArray
     cells: int
-    lift: float
-    rays: Any
+    unit: float
 
     @property
     def macros(self) -> dict[str, int]:
-        """Of kernels that include kernels/vpl/grid.clh."""
-        return {"VPL_GRID": self.cells}
+        """Macros of kernels that include kernels/occupancy/grid.clh."""
+        return {"OCCUPANCY_CELLS": self.cells}
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """Arguments of kernels that follow rays through the grid."""
+        return {"occupancy": self.grid, "grid_box": self.box}
+
+
+class PlacedLights(Protocol):
+    """Lights on the device, as `DeviceVpls` has them: a grid spans them too."""
+
+    bounds: DeviceArray
+    segments: int
+    stride: int
+    unit: float
 
 
 class OccupancyGrid:
@@ -105,96 +120,100 @@ class OccupancyGrid:
     def __init__(self, runtime: Runtime, cells: int, size: Size, *, kept: bool = True) -> None:
         self.runtime = runtime
         self.cells = cells = cells or cells_for(size)
-        self.macros = {"VPL_GRID": cells}
+        self.macros = {"OCCUPANCY_CELLS": cells}
         self._own = self._empty(runtime.empty) if kept else None
-        self._whole: DeviceArray | None = None
-        self._clear = runtime.kernel("vpl/vpl_grid.cl", self.macros, (CAMERA, VPL))
+        self._bounds: DeviceArray | None = None
+        self._clear = runtime.kernel("occupancy/occupancy_clear.cl", self.macros, (OCCUPANCY,))
 
     def fill(
         self,
         gbuffer: DeviceGBuffer,
         rsms: Sequence[DeviceRsm],
         boxes: DeviceArray,
-        bounds: DeviceArray,
-        segments: int,
-        size: Size,
-        values: dict[str, float],
+        box_count: int,
+        lights: PlacedLights,
         scene: DeviceScene | None = None,
     ) -> Occupancy:
-        """Queue what marks the surfaces of all layers and of the reflective shadow maps.
+        """Queue the passes that mark the surfaces of all layers and of the reflective shadow maps.
 
         Args:
             gbuffer: of which the margin counts too.
             rsms: any number.
-            boxes: bounds of the image's tiles; see kernels/vpl/vpl_boxes.cl.
-            bounds, segments: of lights, see `DeviceVpls`; the grid spans them too.
-            size: (rows, columns) of the image.
-            values: members of the struct `VPL`, those of the lights among them.
+            boxes, box_count: bounds of the image's tiles, which the grid spans, and their number; see
+                kernels/vpl/vpl_boxes.cl.
+            lights: what the grid spans besides; lengths are counted in their unit.
             scene: whose triangles are marked in place of what is seen.
         """
         camera = gbuffer.camera
         assert camera is not None  # noqa: S101  a filled G-buffer has one
-        grid, box = self._own or self._empty(self.runtime.transient.array)
-        packed = VPL.pack({**values, "count": segments})
-        self._clear.run(
-            size, grid=(self.cells, self.cells), boxes=boxes, bounds=bounds, occupancy=grid, grid_box=box, params=packed
-        )
+        values = {
+            "lift": LIFT if scene is None else MESH_LIFT,
+            "boxes": box_count,
+            "segments": lights.segments,
+            "stride": lights.stride,
+        }
+        empty = self._cleared(lights.unit, values, boxes, lights.bounds)
         if scene is not None:
-            self._voxelize(scene, camera.view, values["per_unit"], grid, box)
+            self._voxelize(scene, camera.view, empty)
         else:
-            self._mark_seen(gbuffer, rsms, camera, packed, grid, box)
-        margin = {"margin_columns": gbuffer.margin[1], "margin_rows": gbuffer.margin[0]}
-        return self._filled(grid, box, LIFT if scene is None else MESH_LIFT, {**values, **margin})
+            self._mark_seen(gbuffer, rsms, camera, empty)
+        return self._filled(empty)
 
-    def fill_scene(self, scene: DeviceScene, view: NDArray[np.float64], unit: float, half: float) -> Occupancy:
-        """Queue what marks the triangles of a scene in a grid round the origin of a space.
+    def fill_scene(
+        self,
+        scene: DeviceScene,
+        view: NDArray[np.float64],
+        unit: float,
+        low: float | NDArray[np.float64],
+        high: float | NDArray[np.float64],
+    ) -> Occupancy:
+        """Queue the passes that mark the triangles of a scene in a grid that spans a box.
 
         Args:
-            scene: of which what lies within `half` of the origin along each axis is marked.
-            view: [4, 4] from world space to that space.
+            scene: of which what lies in the box is marked.
+            view: [4, 4] from world space to the space of the box.
             unit: scene units; kernels count in such lengths.
-            half: scene units.
+            low, high: [3] corners of the box, or the same coordinate along each axis, scene units.
         """
         bounds = np.zeros(VPL_BOX, np.float32)
-        bounds[:3], bounds[3:6] = -half / unit, half / unit
-        if self._whole is None:
-            self._whole = self.runtime.empty(VPL_BOX, np.float32)
-        self._whole.upload(bounds)
-        grid, box = self._own or self._empty(self.runtime.transient.array)
-        none = dict.fromkeys((name for name, _ in VPL.members), 0)
-        self._clear.run(
-            (1, 1),
-            grid=(self.cells, self.cells),
-            boxes=self._whole,
-            bounds=self._whole,
-            occupancy=grid,
-            grid_box=box,
-            params=VPL.pack(none),
-        )
-        self._voxelize(scene, view, 1.0 / unit, grid, box)
-        return self._filled(grid, box, MESH_LIFT, {**none, "per_unit": 1.0 / unit})
+        bounds[:3], bounds[3:6] = low / unit, high / unit
+        if self._bounds is None:
+            self._bounds = self.runtime.empty(VPL_BOX, np.float32)
+        self._bounds.upload(bounds)
+        values = {"lift": MESH_LIFT, "boxes": 1, "segments": 0, "stride": 0}
+        empty = self._cleared(unit, values, self._bounds)
+        self._voxelize(scene, view, empty)
+        return self._filled(empty)
 
     def _empty(self, array: Callable[[int, type[np.generic]], DeviceArray]) -> tuple[DeviceArray, DeviceArray]:
-        return array(self.cells**3 // 16, np.int32), array(4, np.float32)
+        return array(self.cells**3 // 16, np.int32), array(BOX, np.float32)
 
-    def _filled(self, grid: DeviceArray, box: DeviceArray, lift: float, values: dict[str, float]) -> Occupancy:
-        """Queue the passes that find each block's nearest occupied one; return all that rays need."""
+    def _cleared(
+        self, unit: float, values: Mapping[str, float], boxes: DeviceArray, bounds: DeviceArray | None = None
+    ) -> Occupancy:
+        """Queue the pass that empties the grid and places it round boxes and lights."""
+        empty = Occupancy(*(self._own or self._empty(self.runtime.transient.array)), self.cells, unit)
+        params, cells = OCCUPANCY.pack(values), (self.cells, self.cells)
+        self._clear.run((1, 1), grid=cells, boxes=boxes, bounds=bounds, params=params, **empty.arguments)
+        return empty
+
+    def _filled(self, marked: Occupancy) -> Occupancy:
+        """Queue the passes that find each block's nearest occupied one."""
         blocks = self.cells // BLOCK
-        reach = self.runtime.kernel("vpl/vpl_reach.cl", self.macros, (CAMERA, VPL))
+        reach = self.runtime.kernel("occupancy/occupancy_reach.cl", self.macros)
+        groups = -(-(blocks**3) // self.runtime.variant.lanes)
         for axis in range(3):
-            reach.run((axis, blocks**axis), grid=(1, -(-(blocks**3) // self.runtime.variant.lanes)), occupancy=grid)
-        return Occupancy(grid, box, self.cells, lift, VPL.pack({**values, "lift": lift}))
+            reach.run((axis, blocks**axis), grid=(1, groups), occupancy=marked.grid)
+        return marked
 
-    def _voxelize(
-        self, scene: DeviceScene, view: NDArray[np.float64], per_unit: float, grid: DeviceArray, box: DeviceArray
-    ) -> None:
+    def _voxelize(self, scene: DeviceScene, view: NDArray[np.float64], into: Occupancy) -> None:
         """Queue the pass that marks the triangles of a scene."""
         # In float64: origin and camera may be far from the world's and near each other.
         turn, shift = view[:3, :3], view[:3, 3]
-        from_scene = per_unit * np.column_stack([turn, turn @ scene.origin + shift])
+        from_scene = 1.0 / into.unit * np.column_stack([turn, turn @ scene.origin + shift])
         macros = {**self.macros, "VOXEL_CUTOUT": int(scene.has_cutouts)}
         slices = SLICES if self.runtime.info.kind == "gpu" else 1
-        self.runtime.kernel("vpl/vpl_voxelize.cl", macros, (CAMERA, VPL, TURN)).run(
+        self.runtime.kernel("occupancy/occupancy_voxelize.cl", macros, (TO_VIEW,)).run(
             (scene.vertices, scene.triangles),
             grid=(slices, -(-scene.triangles // self.runtime.variant.lanes)),
             faces=scene.faces,
@@ -205,39 +224,27 @@ class OccupancyGrid:
             textures=scene.textures,
             texels=scene.texels,
             decode=scene.decode,
-            grid_box=box,
-            occupancy=grid,
-            turn=packed_turn(from_scene),
+            turn=packed_to_view(from_scene),
+            **into.arguments,
         )
 
-    def _mark_seen(
-        self,
-        gbuffer: DeviceGBuffer,
-        rsms: Sequence[DeviceRsm],
-        camera: Camera,
-        packed: Any,
-        grid: DeviceArray,
-        box: DeviceArray,
-    ) -> None:
+    def _mark_seen(self, gbuffer: DeviceGBuffer, rsms: Sequence[DeviceRsm], camera: Camera, into: Occupancy) -> None:
         """Queue the passes that mark what the camera and the lights see."""
         sources = [(gbuffer.depth, gbuffer.normal, gbuffer.layers, gbuffer.whole, np.eye(3, 4))]
         sources += [(rsm.position, rsm.normal, 0, rsm.size, rsm.to_view(camera)) for rsm in rsms]
         for points, normal, layers, whole, turn in sources:
-            kernel = self.runtime.kernel(
-                "vpl/vpl_occupy.cl", {**self.macros, "VPL_LAYERS": layers}, (CAMERA, VPL, TURN)
-            )
-            kernel.run(
+            macros = {**self.macros, "OCCUPANCY_LAYERS": layers}
+            self.runtime.kernel("occupancy/occupancy_pixels.cl", macros, (CAMERA, TO_VIEW)).run(
                 whole,
                 points=points,
                 normal=normal,
-                grid_box=box,
-                occupancy=grid,
                 camera=gbuffer.camera_struct,
-                params=packed,
-                turn=packed_turn(turn),
+                per_unit=1.0 / into.unit,
+                turn=packed_to_view(turn),
+                **into.arguments,
             )
 
 
-def packed_turn(turn: NDArray[np.float64]) -> Any:
-    """Return the struct `TURN` of a [3, 4] matrix."""
-    return TURN.pack(dict(zip((name for name, _ in TURN.members), turn.ravel(), strict=True)))
+def packed_to_view(matrix: NDArray[np.float64]) -> Any:
+    """Return the struct `TO_VIEW` of a [3, 4] matrix."""
+    return TO_VIEW.pack(dict(zip((name for name, _ in TO_VIEW.members), matrix.ravel(), strict=True)))

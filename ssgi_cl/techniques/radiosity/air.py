@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.device.constants import VPL_CELLS
+from ssgi_cl.device.constants import OCCUPANCY_BLOCK
 
 Ints = NDArray[np.int32]
 
@@ -27,12 +27,12 @@ class Air:
         """Return the air of a grid of cells^3.
 
         Args:
-            occupancy: words as kernels/vpl/grid.clh has them.
+            occupancy: words as kernels/occupancy/grid.clh has them.
             cells: along a side.
         """
         from scipy import ndimage  # takes a fifth of a second, which other commands do without
 
-        blocks, side = cells // VPL_CELLS, VPL_CELLS
+        blocks, side = cells // OCCUPANCY_BLOCK, OCCUPANCY_BLOCK
         words = occupancy[: cells**3 // 32].astype("<i4", copy=False)
         bits = np.unpackbits(words.view(np.uint8), bitorder="little")
         # A block's layers come two to a word, rows and columns of four cells within.

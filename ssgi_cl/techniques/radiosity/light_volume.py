@@ -1,8 +1,9 @@
-"""Radiance that a scene's surfaces send, by place and direction: for rays that leave the image."""
+"""Light volume: radiance of a scene's surfaces by place and direction, for rays that leave the image."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,9 +11,9 @@ from numpy.typing import NDArray
 Doubles = NDArray[np.float64]
 
 CELLS = 32
-"""Along a side of the volume."""
+"""Cells along a side of the volume."""
 FAINT = 1e-3
-"""Of a cell's side, that surfaces take up which stand in for others."""
+"""Area that surfaces from another cell are given in an empty one, in sides of a cell squared."""
 FACES = 6
 """Directions that surfaces of a cell face: +x, -x, +y, -y, +z, -z."""
 
@@ -48,31 +49,38 @@ class LightVolume:
     counts, as if it were `FAINT` of the cell's side.
 
     Attributes:
-        low: [3] float64, the corner of least coordinates, scene units.
-        side: of a cell, scene units.
-        radiance: [CELLS by z, CELLS by y, CELLS by x, FACES, 3] float64, W m^-2 sr^-1.
-        area: [CELLS, CELLS, CELLS, FACES] float64, in sides of cells squared.
+        light: what surfaces send; its pieces stand for all of them.
+        low: [3] float64, the corner of least coordinates of the cube, scene units.
+        extent: of its side, scene units.
+        also: what some of the same surfaces send besides.
     """
 
+    light: SentLight
     low: Doubles
-    side: float
-    radiance: Doubles
-    area: Doubles
+    extent: float
+    also: SentLight | None = None
 
-    @classmethod
-    def of(cls, light: SentLight, low: Doubles, extent: float, also: SentLight | None = None) -> LightVolume:
-        """Return the volume of light within a cube.
+    @property
+    def side(self) -> float:
+        """Side of a cell, scene units."""
+        return self.extent / CELLS
 
-        Args:
-            light: what surfaces send; its pieces stand for all of them.
-            also: what some of the same surfaces send besides.
-            low: corner of the cube.
-            extent: of its side, scene units.
-        """
+    @property
+    def radiance(self) -> Doubles:
+        """[CELLS by z, CELLS by y, CELLS by x, FACES, 3] float64, W m^-2 sr^-1."""
+        return self._sides[0]
+
+    @property
+    def area(self) -> Doubles:
+        """[CELLS, CELLS, CELLS, FACES] float64, in sides of cells squared."""
+        return self._sides[1]
+
+    @cached_property
+    def _sides(self) -> tuple[Doubles, Doubles]:
+        """Radiance and area, computed when they are first asked for."""
         from scipy import ndimage  # takes a fifth of a second, which other commands do without
 
-        side = extent / CELLS
-        sums = [_sums(each, low, side) for each in (light, also) if each is not None]
+        sums = [_sums(each, self.low, self.side) for each in (self.light, self.also) if each is not None]
         shape = (CELLS, CELLS, CELLS)
         radiance, faces = np.zeros((*shape, FACES, 3)), np.full((*shape, FACES), FAINT)
         for face in range(FACES):
@@ -87,8 +95,8 @@ class LightVolume:
                 mean += each[face, :, :3] / (np.pi * np.maximum(over, 1e-300))[:, None]
             nearest = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
             radiance[..., face, :] = mean.reshape(*shape, 3)[tuple(nearest)]
-            faces[known, face] = area.reshape(shape)[known] / side**2
-        return cls(low, side, radiance, np.maximum(faces, FAINT))
+            faces[known, face] = area.reshape(shape)[known] / self.side**2
+        return radiance, np.maximum(faces, FAINT)
 
 
 def _sums(light: SentLight, low: Doubles, side: float) -> Doubles:

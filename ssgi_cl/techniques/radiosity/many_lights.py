@@ -1,4 +1,4 @@
-"""Which of many virtual point lights surfels trace shadow rays to."""
+"""Choice of the virtual point lights that surfels trace shadow rays to, out of many."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SETTLED = 4
 """Steps after which the share of a ray is known well enough: more or fewer rays, the same mean."""
 TINY = np.float32(1e-30)
 MOST_PAIRS = 1 << 21
-"""Of a group and a light that are looked at together, for memory."""
+"""Pairs of a group and a light that are considered at once, which bounds memory."""
 
 
 def traced_lights(positions: Floats, normals: Floats, lights: Floats, rays: int) -> tuple[NDArray[np.int32], Floats]:

@@ -1,11 +1,11 @@
-"""All bounces of light, and light of emissive surfaces, carried by surfels."""
+"""Radiosity on surfels: all bounces of light, and the light of emissive surfaces."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypedDict, Unpack
+from typing import NamedTuple, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,10 +32,10 @@ Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]
 
 CONVERGED = 2e-3
-"""Of the flux, that bounces still to come have at most."""
+"""Share of the flux that the bounces not computed have at most."""
 MOST_BOUNCES = 2000
 LEAST_ABSORBED = 2e-3
-"""Of the light, at each bounce: with less the sum of all bounces is not computed."""
+"""Least share of the light absorbed at each bounce: with less the sum of all bounces is not computed."""
 SETTLED = 50
 """Bounces after which the ratio of one to the one before is that of all later ones."""
 
@@ -83,6 +83,15 @@ class RadiosityKeywords(TypedDict, total=False):
     grid: int
 
 
+class RadiosityLight(NamedTuple):
+    """Light that the surfaces of a scene send, in the two forms that its readers take."""
+
+    lights: WorldVpls | None
+    """All but the first bounce of maps' lights; None where it is black."""
+    volume: LightVolume
+    """All of it."""
+
+
 class Radiosity(Prepared[RadiosityParams]):
     """Virtual point lights that send all light but what lights from maps send.
 
@@ -117,9 +126,7 @@ class Radiosity(Prepared[RadiosityParams]):
         self._scene: object = None
         self._dark: frozenset[int] | None = None
         self._lit: object = None
-        self._result: WorldVpls | None = None
-        self._light: tuple[SentLight, SentLight | None] | None = None
-        self._volume: LightVolume | None = None
+        self._result: RadiosityLight | None = None
         self.irradiance: Doubles = np.zeros((0, 3))
         self.vpls: Vpls | None = None
         self.bounces = 0
@@ -129,20 +136,8 @@ class Radiosity(Prepared[RadiosityParams]):
         """Those of the latest scene."""
         return self._device.surfels
 
-    @property
-    def volume(self) -> LightVolume | None:
-        """What the surfaces of the latest run send, light of maps that they reflect included.
-
-        None before the first run. Computed when it is asked for, once for a result.
-        """
-        if self._volume is None and self._light is not None:
-            half = self._device.half
-            own, also = self._light
-            self._volume = LightVolume.of(own, self._device.camera.position - half, 2.0 * half, also)
-        return self._volume
-
-    def run(self, scene: Scene, lights: Sequence[Light], *, rsms: Sequence[DeviceRsm] = ()) -> WorldVpls | None:
-        """Return the lights, None where they would be black. Waits for the device if it computes.
+    def run(self, scene: Scene, lights: Sequence[Light], *, rsms: Sequence[DeviceRsm] = ()) -> RadiosityLight:
+        """Return the light that surfaces send. Waits for the device if it computes.
 
         Args:
             scene: what is lit.
@@ -155,11 +150,11 @@ class Radiosity(Prepared[RadiosityParams]):
         """
         environments = environments_of(lights)
         lit = (scene.key, environments, tuple(rsms), tuple(rsm.version for rsm in rsms))
-        if lit == self._lit:
+        if self._result is not None and lit == self._lit:
             self.runtime.skip("radiosity", "scene and lights are the same")
             return self._result
         # Should anything fail, nothing is kept.
-        self._lit = self._result = self._light = self._volume = None
+        self._lit = self._result = None
         device = self._device
         if self._scene is not scene.key:
             self._scene = self._dark = None
@@ -178,12 +173,11 @@ class Radiosity(Prepared[RadiosityParams]):
         self._lit = lit
         return self._result
 
-    def _solved(self, environments: Sequence[Environment], records: Floats | None) -> WorldVpls | None:
+    def _solved(self, environments: Sequence[Environment], records: Floats | None) -> RadiosityLight:
         device, surfels = self._device, self._device.surfels
         if not len(surfels):
             self.irradiance, self.vpls, self.bounces = np.zeros((0, 3)), None, 0
-            self._light = self._of_maps(records) or SentLight.none(), None
-            return None
+            return RadiosityLight(None, self._volume(self._of_maps(records) or SentLight.none()))
         ways, solid, radiance = sky_directions(environments, self.params.directions)
         # Kernels count light in that of the brightest source, so that none leaves their range.
         scale = max(math.pi * float(max(radiance.max(), surfels.emission.max())), 1e-30)
@@ -202,13 +196,17 @@ class Radiosity(Prepared[RadiosityParams]):
         parts = self.vpls.parts
         assert parts is not None  # noqa: S101  those of surfels have some
         own = SentLight(parts.position, parts.normal, parts.area, parts.flux)
-        self._light = own, self._of_maps(records)
-        if not self.vpls.flux.any():
-            return None
-        return WorldVpls(self.runtime, self.vpls, device.camera.position)
+        shine = self.vpls.flux.any()
+        lights = WorldVpls(self.runtime, self.vpls, device.camera.position) if shine else None
+        return RadiosityLight(lights, self._volume(own, self._of_maps(records)))
+
+    def _volume(self, own: SentLight, also: SentLight | None = None) -> LightVolume:
+        """Return the light in the scene's cube; see `LightVolume`."""
+        half = self._device.half
+        return LightVolume(own, self._device.camera.position - half, 2.0 * half, also)
 
     def _of_maps(self, records: Floats | None) -> SentLight | None:
-        """Return what surfaces reflect straight of the maps' lights."""
+        """Return the first bounce of the light of maps."""
         if records is None:
             return None
         device, rows = self._device, records.astype(np.float64)
@@ -253,7 +251,7 @@ class Radiosity(Prepared[RadiosityParams]):
 
 
 def sent(surfels: Surfels, irradiance: Doubles, *, emission: bool) -> Vpls:
-    """Return what surfels send when they receive irradiance [surfels, 3] in W/m^2."""
+    """Return the light that surfels send, which receive irradiance [surfels, 3] in W/m^2."""
     exitance = surfels.part_albedo * np.repeat(irradiance, PARTS, axis=0)
     if emission:
         exitance += math.pi * surfels.part_emission
@@ -309,7 +307,7 @@ def radiosity(
     return technique.vpls or Vpls(none, none, none, np.zeros(0))
 
 
-_GRID = ("VPL_GRID",)
+_GRID = ("OCCUPANCY_CELLS",)
 
 DESCRIPTOR = Technique(
     name="radiosity",

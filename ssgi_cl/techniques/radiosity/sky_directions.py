@@ -15,7 +15,7 @@ from ssgi_cl.core.vpls import LUMINANCE
 Doubles = NDArray[np.float64]
 
 LEAST_ROWS = 32
-"""Of an image that directions are chosen from: coarser ones are repeated to it."""
+"""Least rows of an image that directions are chosen from: coarser ones are repeated to it."""
 
 
 def sky_directions(environments: Sequence[Environment], count: int) -> tuple[Doubles, Doubles, Doubles]:

@@ -1,4 +1,4 @@
-"""The triangles that may lie in front of surfels, in runs with a box each."""
+"""Triangles that may lie in front of surfels, in batches with a box each."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MANY = 16384
 
 @dataclass(frozen=True, eq=False)
 class StartTriangles:
-    """What kernels/radiosity/radiosity_start.cl reads of triangles.
+    """Triangles in device memory as kernels/radiosity/radiosity_start.cl reads them.
 
     Attributes:
         corners: 3 x [triangles, rounded up to 16] vertices.

@@ -15,7 +15,7 @@ from ssgi_cl.rasterize.files.textures import srgb_to_linear
 Doubles = NDArray[np.float64]
 
 CURVE_BITS = 10
-"""Of each coordinate along the Hilbert curve."""
+"""Bits of each coordinate along the Hilbert curve."""
 
 _DECODE = srgb_to_linear(np.arange(256) / 255.0)
 
@@ -64,10 +64,10 @@ class Surfels:
         moved = {f"part_{name}": getattr(self, f"part_{name}")[order] for name in _OWN}
         return replace(self, position=moved["part_position"][::PARTS], **moved)
 
-    def chosen(self, kept: NDArray[np.bool_]) -> Surfels:
-        """Return those surfels of which `kept` [count] is True."""
-        parts = np.repeat(kept, PARTS)
-        own = {name: getattr(self, name)[kept] for name in _OWN}
+    def chosen(self, order: NDArray[np.intp]) -> Surfels:
+        """Return the surfels of these numbers, in this order."""
+        parts = (order[:, None] * PARTS + np.arange(PARTS)).ravel()
+        own = {name: getattr(self, name)[order] for name in _OWN}
         of_parts = {f"part_{name}": getattr(self, f"part_{name}")[parts] for name in _OWN}
         return Surfels(origin=self.origin, **own, **of_parts)
 
@@ -82,7 +82,7 @@ is small, and the shadows of its light are as soft as it has surfels."""
 
 @dataclass(frozen=True, eq=False)
 class TriangleShares:
-    """Which part of a scene's surfels each triangle gets.
+    """Shares of a scene's surfels by triangle.
 
     Attributes:
         ends: [n] float64: parts of each triangle and all before it, up to 1; 0 if none has area.
@@ -142,16 +142,14 @@ def scene_surfels(scene: Scene, count: int, shares: TriangleShares | None = None
     key = kind * np.int64(1 << 3 * CURVE_BITS) + curve_numbers(points[0], low, high)
     order = np.argsort(key, kind="stable")
     first = _surfels(np.asarray(scene.origin), points, order, key >> 3 * CURVE_BITS)
-    both = [first, _flipped(first)]
-    joined = {
-        name: np.concatenate([getattr(one, name) for one in both])
-        for name in (*_OWN, *(f"part_{name}" for name in _OWN))
-    }
+    other = replace(first, normal=-first.normal, part_normal=-first.part_normal)
+    names = (*_OWN, *(f"part_{name}" for name in _OWN))
+    joined = {name: np.concatenate([getattr(first, name), getattr(other, name)]) for name in names}
     whole = Surfels(origin=first.origin, **joined)
     # Neighbours come together, whichever side of their triangles they are on.
     places = curve_numbers(whole.position, low, high)
     key = _axis(whole.normal) * np.int64(1 << 3 * CURVE_BITS) + places
-    return _reordered(whole, np.argsort(key, kind="stable"))
+    return whole.chosen(np.argsort(key, kind="stable"))
 
 
 def _points(scene: Scene, count: int, shares: TriangleShares) -> tuple[Doubles, Doubles, Doubles, Doubles, Doubles]:
@@ -291,16 +289,3 @@ def _surfels(origin: Doubles, points: tuple[Doubles, ...], order: NDArray[np.int
         mean(emission),
         *(values.reshape(-1, *values.shape[2:]) for values in (position, normal, area, albedo, emission)),
     )
-
-
-def _flipped(surfels: Surfels) -> Surfels:
-    own = {name: getattr(surfels, name) for name in (*_OWN, *(f"part_{name}" for name in _OWN))}
-    own["normal"], own["part_normal"] = -surfels.normal, -surfels.part_normal
-    return Surfels(origin=surfels.origin, **own)
-
-
-def _reordered(surfels: Surfels, order: NDArray[np.intp]) -> Surfels:
-    parts = (order[:, None] * PARTS + np.arange(PARTS)).ravel()
-    own = {name: getattr(surfels, name)[order] for name in _OWN}
-    of_parts = {f"part_{name}": getattr(surfels, f"part_{name}")[parts] for name in _OWN}
-    return Surfels(origin=surfels.origin, **own, **of_parts)

@@ -1,8 +1,6 @@
-"""Surfels in device memory: what they see, and the light that they receive."""
+"""Surfels in device memory: their visibility and irradiance."""
 
 from __future__ import annotations
-
-import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +10,7 @@ from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.vpls import PARTS
 from ssgi_cl.device.constants import FIRST_GROUP, SURFEL_RECORD
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.device.structs import CAMERA, Struct, floats
+from ssgi_cl.device.structs import Struct, floats
 from ssgi_cl.rasterize.raster.device_scene import DeviceScene
 from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.techniques.occupancy.occupancy_grid import OccupancyGrid
@@ -21,29 +19,28 @@ from ssgi_cl.techniques.radiosity.many_lights import traced_lights
 from ssgi_cl.techniques.radiosity.sky_directions import sky_directions
 from ssgi_cl.techniques.radiosity.start_triangles import StartTriangles
 from ssgi_cl.techniques.radiosity.surfels import Surfels, TriangleShares, scene_surfels
-from ssgi_cl.techniques.vpl.packed_vpls import DeviceVpls
-from ssgi_cl.techniques.vpl_struct import VPL
+from ssgi_cl.techniques.vpl.packed_vpls import DeviceVpls, power_of_two
 
 Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]
 
-START = Struct("StartParams", (*floats("lift", "per_unit", "shift_x", "shift_y", "shift_z"), ("vertex_stride", "int")))
+START = Struct("StartParams", (*floats("per_unit", "shift_x", "shift_y", "shift_z"), ("vertex_stride", "int")))
 ROWS = 16
 START_ROWS = slice(6, 9)
-"""Of kernels/radiosity/surfel.clh."""
+"""Rows of a surfel, and those of the start of its rays: kernels/radiosity/surfel.clh."""
 PILOT = 512
-"""Surfels from which it is estimated how many sides of surfaces take part."""
+"""Surfels from which the share of surface sides that take part is estimated."""
 LEAST_SHARE = 0.25
-"""Of sides that are taken to take part."""
+"""Least such share."""
 PILOT_DIRECTIONS = 32
-"""In which a surfel looks for any surface."""
+"""Directions in which a surfel of the pilot looks for any surface."""
 ROOM = 0.02
 """Part of the pilot's surfels that a space has at least which is left out where no light enters it:
 the smaller ones gain little, and lights that move would open and close them."""
 RAYS = 1024
-"""To virtual point lights that a surfel traces, about."""
+"""Rays to virtual point lights that a surfel traces, about."""
 OPEN = 0.9999
-"""Part of the hemisphere that a surfel has open which sees no surface."""
+"""Unoccluded share of the hemisphere from which on a surfel sees no surface."""
 MOST_ROW = 1.5
 """Factor by which form factors of what a surfel sees are raised, at most. Where less of what covers
 its hemisphere is visible, the grid is too coarse for the place, and what is visible may be seen
@@ -70,25 +67,25 @@ class DeviceSurfels:
     def __init__(self, runtime: Runtime, cells: int) -> None:
         self.runtime = runtime
         self._grid = OccupancyGrid(runtime, cells, (1, 1))
-        macros, structs = self._grid.macros, (CAMERA, VPL)
-        self._start = runtime.kernel("radiosity/radiosity_start.cl", macros, (*structs, START))
-        self._see = runtime.kernel("radiosity/radiosity_visibility.cl", macros, structs)
+        macros = self._grid.macros
+        self._start = runtime.kernel("radiosity/radiosity_start.cl", macros, (START,))
+        self._see = runtime.kernel("radiosity/radiosity_visibility.cl", macros)
         self._mirror = runtime.kernel("radiosity/radiosity_mirror.cl")
-        self._sky = runtime.kernel("radiosity/radiosity_sky.cl", macros, structs)
-        self._first = runtime.kernel("radiosity/radiosity_first.cl", macros, structs)
-        self._gather = runtime.kernel("radiosity/radiosity_gather.cl", macros, structs)
+        self._sky = runtime.kernel("radiosity/radiosity_sky.cl", macros)
+        self._first = runtime.kernel("radiosity/radiosity_first.cl", macros)
+        self._gather = runtime.kernel("radiosity/radiosity_gather.cl", macros)
 
     def enter(self, scene: Scene) -> None:
-        """Take a scene, as yet without surfels: its occupancy grid and the spaces of its air."""
+        """Make the occupancy grid of a scene and the spaces of its air; surfels follow with `fill`."""
         low, high = scene.bounds
         middle = 0.5 * (low + high)
         half = max(0.5 * float((high - low).max()), 1e-30)
         self.half = half
-        self.unit = 2.0 ** round(math.log2(half))
+        self.unit = power_of_two(half)
         self.camera = Camera.look_at(middle, middle - [0.0, 0.0, half], width=1, height=1)
         self._shift = np.asarray(scene.origin) - middle
         solid = device_scene(scene, self.runtime)
-        self._occupancy = occupancy = self._grid.fill_scene(solid, self.camera.view, self.unit, half)
+        self._occupancy = occupancy = self._grid.fill_scene(solid, self.camera.view, self.unit, -half, half)
         self._near = StartTriangles.of(self.runtime, scene, solid)
         self._shares = TriangleShares.of(scene)
         self._air = Air.of(occupancy.grid.download(), occupancy.cells)
@@ -119,7 +116,7 @@ class DeviceSurfels:
         """Return [n, 3] points above the lights that shine, in cells of the grid."""
         shining = lights[lights[:, 8:11].any(axis=1)]
         box = self._occupancy.box.download()
-        lift = self._occupancy.lift * shining[:, 4:7]  # their normals, turned round
+        lift = box[4] * shining[:, 4:7]  # their normals, turned round
         points: Floats = (shining[:, :3] - box[:3]) * box[3] - lift
         return points
 
@@ -166,10 +163,10 @@ class DeviceSurfels:
         kept = (opened < OPEN) & (part >= 0)
         if dark:
             kept &= ~np.isin(self._air.at(starts.T), list(dark))
-        return surfels.centred(np.maximum(part, 0)).chosen(kept), starts[:, kept].T
+        return surfels.centred(np.maximum(part, 0)).chosen(np.flatnonzero(kept)), starts[:, kept].T
 
     def _upload(self, surfels: Surfels, starts: Floats | None = None) -> None:
-        """Bring surfels to the device, and where their rays start if that is known."""
+        """Upload surfels, and the starts of their rays where these are known."""
         runtime, shift, count = self.runtime, self._shift, len(surfels)
         self._count = count
         self._stride = stride = max(-(-count // 32) * 32, 32)
@@ -198,7 +195,6 @@ class DeviceSurfels:
         parts[3:, : PARTS * count] = surfels.part_normal.T
         chosen = runtime.empty(stride, np.int32)
         values = {
-            "lift": occupancy.lift,
             "per_unit": 1.0 / self.unit,
             "vertex_stride": solid.vertex_stride,
             **{f"shift_{axis}": float(shift[i]) for i, axis in enumerate("xyz")},
@@ -212,8 +208,7 @@ class DeviceSurfels:
             boxes=near.boxes,
             few=near.few,
             cutouts=near.cutouts,
-            occupancy=occupancy.grid,
-            grid_box=occupancy.box,
+            **occupancy.arguments,
             surfels=self._rows,
             part=chosen,
             params=START.pack(values),
@@ -255,16 +250,14 @@ class DeviceSurfels:
             lights=lights.lights,
             numbers=runtime.array(numbers),
             weights=runtime.array(weights),
-            occupancy=self._occupancy.grid,
-            grid_box=self._occupancy.box,
+            **self._occupancy.arguments,
             values=self._values,
-            lift=self._occupancy.lift,
             gain=gain,
         )
         return self._of_surfels(self._values.download())
 
     def begin(self, exitance: Floats) -> None:
-        """Let surfels send [surfels, 3] what they emit."""
+        """Set what surfels send to their emitted exitance [surfels, 3]."""
         own = np.zeros((3, self._stride), np.float32)
         own[:, : len(exitance)] = exitance.T
         rows = self._rows.download().reshape(ROWS, -1)

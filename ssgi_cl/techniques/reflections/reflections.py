@@ -1,4 +1,4 @@
-"""What glossy surfaces reflect: lights, and what rays within their lobes meet."""
+"""Reflections of glossy surfaces: lights, and rays within the lobes."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from ssgi_cl.techniques.radiosity.radiosity import Radiosity, RadiosityParams
 from ssgi_cl.techniques.reflections.sky_levels import SkyLevels
 from ssgi_cl.techniques.technique import Bench, Technique
 from ssgi_cl.techniques.vpl.vpl_choice import on_device_rsms
-from ssgi_cl.techniques.vpl_struct import VPL
+from ssgi_cl.techniques.vpl.vpl_light import camera_of
 
 REFLECT = Struct(
     "ReflectParams",
     (
         *floats(*ROTATION, "reach", "thick", "texels_per_angle"),
-        *floats("per_cell", "cell_x", "cell_y", "cell_z"),
+        *floats("per_unit", "per_cell", "cell_x", "cell_y", "cell_z"),
         *((n, "int") for n in ("levels", "margin_columns", "margin_rows")),
     ),
 )
@@ -116,44 +116,8 @@ class Reflections(Prepared[ReflectionsParams]):
             occupancy: what blocks rays that leave the image, in the camera's view space.
             volume: what surfaces of the scene send.
         """
-        # Before the lights' highlights are added, which rays would find once in a thousand pixels.
-        self._trace(gbuffer, radiance, light, lights, occupancy, volume)
-        self._lights.add_lobes(radiance, gbuffer, lights, shadows=shadows)
-
-    def _trace(
-        self,
-        gbuffer: DeviceGBuffer,
-        radiance: Plane,
-        light: Plane,
-        lights: Sequence[Light],
-        occupancy: Occupancy,
-        volume: LightVolume,
-    ) -> None:
-        camera = gbuffer.camera
-        assert camera is not None  # noqa: S101  a filled G-buffer has one
         self._sky.set(environments_of(lights))
-        if volume is not self._volume:
-            self._volume = volume
-            sent = np.minimum(volume.radiance, BRIGHTEST)
-            packed = np.concatenate([sent, volume.area[..., None]], axis=-1)
-            self._sent.upload(packed.astype(np.float32).ravel())
-        reach = volume.side * CELLS
-        x, y, z = ((camera.position - volume.low) / volume.side).tolist()
-        params = REFLECT.pack(
-            {
-                "cell_x": x,
-                "cell_y": y,
-                "cell_z": z,
-                "per_cell": 1.0 / (float(occupancy.rays["per_unit"]) * volume.side),
-                **rotation_values(camera.view[:3, :3].T),
-                "reach": reach,
-                "thick": self.params.thickness * reach / occupancy.cells,
-                "texels_per_angle": self._sky.texels_per_angle,
-                "levels": self._sky.count,
-                "margin_columns": gbuffer.margin[1],
-                "margin_rows": gbuffer.margin[0],
-            }
-        )
+        params = self._packed(gbuffer, occupancy, volume)
         seen: dict[str, Any] = {
             "linear": gbuffer.linear,
             "normal": gbuffer.normal,
@@ -168,7 +132,7 @@ class Reflections(Prepared[ReflectionsParams]):
             **occupancy.macros,
         }
         with self._reflected.over(gbuffer.seen) as (reflected, over):
-            self.runtime.kernel("reflections/reflect_trace.cl", macros, (CAMERA, VPL, REFLECT)).run(
+            self.runtime.kernel("reflections/reflect_trace.cl", macros, (CAMERA, REFLECT)).run(
                 self.size,
                 region=over,
                 **seen,
@@ -177,11 +141,9 @@ class Reflections(Prepared[ReflectionsParams]):
                 sky=self._sky.texels,
                 places=self._sky.places,
                 volume=self._sent,
-                occupancy=occupancy.grid,
-                grid_box=occupancy.box,
+                **occupancy.arguments,
                 reflected=reflected,
                 camera=gbuffer.camera_struct,
-                rays=occupancy.rays,
                 params=params,
             )
             mean = self.runtime.transient.plane(3, self.size)
@@ -200,6 +162,36 @@ class Reflections(Prepared[ReflectionsParams]):
                     camera=gbuffer.camera_struct,
                     params=params,
                 )
+        # Last, as rays would find the lights' highlights once in a thousand pixels.
+        self._lights.add_lobes(radiance, gbuffer, lights, shadows=shadows)
+
+    def _packed(self, gbuffer: DeviceGBuffer, occupancy: Occupancy, volume: LightVolume) -> Any:
+        """Upload the volume unless it is that of the latest run; return the struct `REFLECT`."""
+        camera = camera_of(gbuffer, self.size)
+        if volume is not self._volume:
+            self._volume = volume
+            sent = np.minimum(volume.radiance, BRIGHTEST)
+            packed = np.concatenate([sent, volume.area[..., None]], axis=-1)
+            self._sent.upload(packed.astype(np.float32).ravel())
+        reach = volume.extent
+        per_unit = float(np.float32(1.0 / occupancy.unit))  # as kernels round it
+        x, y, z = ((camera.position - volume.low) / volume.side).tolist()
+        return REFLECT.pack(
+            {
+                "cell_x": x,
+                "cell_y": y,
+                "cell_z": z,
+                "per_unit": per_unit,
+                "per_cell": 1.0 / (per_unit * volume.side),
+                **rotation_values(camera.view[:3, :3].T),
+                "reach": reach,
+                "thick": self.params.thickness * reach / occupancy.cells,
+                "texels_per_angle": self._sky.texels_per_angle,
+                "levels": self._sky.count,
+                "margin_columns": gbuffer.margin[1],
+                "margin_rows": gbuffer.margin[0],
+            }
+        )
 
 
 @serialised
@@ -245,9 +237,8 @@ def reflections(
         raise TypeError(f"scene is {type(scene).__name__}: expected a Scene")
     chosen, sent = ReflectionsParams(**params), radiosity or RadiosityParams()
     device = on_device(gbuffer, runtime)
-    runtime, size, camera = device.runtime, device.size, device.camera
-    if camera is None:
-        raise ValueError("the device G-buffer is empty: draw or upload something first")
+    runtime, size = device.runtime, device.size
+    camera = camera_of(device, size)
     given = {"radiance": (radiance, "W m^-2 sr^-1", 1.0), "irradiance": (irradiance, "W/m^2", 1.0 / np.pi)}
     planes = {}
     for name, (array, unit, scale) in given.items():
@@ -269,17 +260,14 @@ def reflections(
     corners = box_corners(scene.bounds)
     half = float(np.abs(corners @ camera.view[:3, :3].T + camera.view[:3, 3]).max())
     with runtime.frame():
-        surfaces.run(scene, lights, rsms=maps)
-        volume = surfaces.volume
-        assert volume is not None  # noqa: S101  after a run
         technique.run(
             device,
             planes["radiance"],
             light=planes["irradiance"],
             lights=lights,
             shadows=shadows,
-            occupancy=grid.fill_scene(device_scene(scene, runtime), camera.view, half, half),
-            volume=volume,
+            occupancy=grid.fill_scene(device_scene(scene, runtime), camera.view, half, -half, half),
+            volume=surfaces.run(scene, lights, rsms=maps).volume,
         )
         return np.ascontiguousarray(np.moveaxis(planes["radiance"].download(), 0, -1))
 
@@ -293,7 +281,7 @@ DESCRIPTOR = Technique(
     technique=Reflections,
     reference="ssgi_cl.reference.reflections.reflections",
     kernels={
-        "reflections/reflect_trace.cl": ("REFLECT_RAYS", "REFLECT_STEPS", "REFLECT_CELLS", "VPL_GRID"),
+        "reflections/reflect_trace.cl": ("REFLECT_RAYS", "REFLECT_STEPS", "REFLECT_CELLS", "OCCUPANCY_CELLS"),
         "reflections/reflect_add.cl": ("REFLECT_STRIDE", "REFLECT_LAST"),
     },
     reads=("depth", "normal", "albedo", "specular", "gloss", "lights", "shadow_maps", "scene", "image"),

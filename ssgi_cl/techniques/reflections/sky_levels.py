@@ -16,7 +16,7 @@ from ssgi_cl.techniques.direct.shade import sky_image
 Doubles = NDArray[np.float64]
 
 MOST_ROWS = 256
-"""Of the largest image: larger ones are averaged first."""
+"""Rows of the largest image: larger ones are averaged first."""
 
 
 class SkyLevels:
@@ -37,7 +37,7 @@ class SkyLevels:
         self._environments: tuple[Environment, ...] = ()
 
     def set(self, environments: Sequence[Environment]) -> None:
-        """Take other environments; nothing is done if they are those of last time."""
+        """Set the environments; nothing is done if they are those of the latest call."""
         now = tuple(environments)
         if are_same(now, self._environments):
             return

@@ -1,4 +1,4 @@
-"""What reflective shadow maps reflect, strung along Hilbert curves and cut into equal pieces."""
+"""Cumulative flux of reflective shadow maps along Hilbert curves, and its cuts into equal pieces."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Key = tuple[tuple[Size, int], ...]
 
 
 def curve_key(rsms: Sequence[DeviceRsm]) -> Key:
-    """Return what a `FluxCurve` must be made for to take these maps."""
+    """Return the key of the `FluxCurve` that takes these maps."""
     return tuple((rsm.face_size, rsm.faces) for rsm in rsms)
 
 
@@ -189,7 +189,7 @@ class FluxCurve:
         return lobes.axis, lobes.flux, lobes.gloss
 
     def lit(self) -> int:
-        """Return how many texels reflect anything. Waits for the device."""
+        """Return the number of texels that reflect anything. Waits for the device."""
         return int(self.blocks.download().reshape(2, SUMS, -1)[0, 0, -1])
 
     def _packed(self, table: dict[str, int], **values: float) -> np.ndarray[tuple[int, ...], np.dtype[np.void]]:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.vpls import PARTS, SHARPEST, Vpls
-from ssgi_cl.device.arrays import DeviceArray
+from ssgi_cl.device.arrays import DeviceArray, Size
 from ssgi_cl.device.constants import VPL_BOUNDS, VPL_LIGHT, VPL_LOBE_BOUNDS, VPL_LOBE_LIGHT
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime
@@ -21,6 +22,14 @@ from ssgi_cl.techniques.vpl.world_vpls import WorldVpls
 
 Doubles = NDArray[np.float64]
 
+VPL = Struct(
+    "VplParams",
+    (
+        *floats("per_unit", "gain", "cutoff", "lobe_centre", "lobe_squared", "refine"),
+        *((n, "int") for n in ("segment", "count", "stride", "span", "capacity", "near_capacity")),
+        *((n, "int") for n in ("margin_columns", "margin_rows")),
+    ),
+)
 PLACE = Struct(
     "VplPlaceParams",
     (
@@ -39,12 +48,18 @@ NEAR_CAPACITY = 1024
 LIGHT, BOUNDS = VPL_LIGHT, VPL_BOUNDS
 LOBE_LIGHT, LOBE_BOUNDS = VPL_LOBE_LIGHT, VPL_LOBE_BOUNDS
 LEAST_AREA = 1e-12
-"""Of a light, in squares of the lights' distance from the eye: float32 holds its products."""
+"""Least area of a light, in squares of the lights' distance from the eye: float32 holds its products."""
 BRIGHTEST = 1e30
 """W, or W per square unit: more counts as this."""
 LEAST_REACH, MOST_REACH = 1e-15, 1e14
 """Scene units: distances of a scene from its light. Squares of 1e-3 of the one, and areas of texels
 at the other, are float32 numbers."""
+
+
+def packed_params(values: Mapping[str, float], margin: Size) -> Any:
+    """Return the struct `VPL` of an image with a margin; members that are not given are 0."""
+    zeros = dict.fromkeys((name for name, _ in VPL.members), 0)
+    return VPL.pack({**zeros, **values, "margin_columns": margin[1], "margin_rows": margin[0]})
 
 
 class DeviceVpls:
@@ -244,7 +259,7 @@ class DeviceVpls:
 
     def _scale(self, furthest: float, brightest: float) -> tuple[float, float]:
         """Set and return the units of length and of power; see `values`."""
-        self.unit, power = _power_of_two(furthest), _power_of_two(min(brightest, BRIGHTEST))
+        self.unit, power = power_of_two(furthest), power_of_two(min(brightest, BRIGHTEST))
         self.values = {
             "per_unit": 1.0 / self.unit,
             "gain": min(power / self.unit**2, BRIGHTEST),
@@ -333,7 +348,7 @@ def _packed(vpls: Vpls, camera: Camera, unit: float, brightest: float) -> NDArra
 
 
 def lobe_share(gloss: Doubles, cosine: Doubles) -> Doubles:
-    """Return which share of lobes (n + 1) / (2 pi) cos^n lies above their surface, within 0.4 %.
+    """Return the share of lobes (n + 1) / (2 pi) cos^n lies above their surface, within 0.4 %.
 
     Exactly it is the distribution of Student's t with n + 1 degrees of freedom at
     sqrt(n + 1) cosine / sine.
@@ -348,6 +363,6 @@ def lobe_share(gloss: Doubles, cosine: Doubles) -> Doubles:
     return share
 
 
-def _power_of_two(value: float) -> float:
+def power_of_two(value: float) -> float:
     """Return a power of two near a number, 1 for 0: scaled by it, no digit changes."""
     return 2.0 ** round(math.log2(value)) if value > 0.0 else 1.0

@@ -1,4 +1,4 @@
-"""What the texels of reflective shadow maps send to the image: where lights are worth having."""
+"""View importance: irradiance that texels of reflective shadow maps give to the image, per watt."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from ssgi_cl.device.constants import VPL_MEANS
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA
-from ssgi_cl.techniques.occupancy.occupancy_grid import TURN, Occupancy, packed_turn
+from ssgi_cl.techniques.occupancy.occupancy_grid import TO_VIEW, Occupancy, packed_to_view
 from ssgi_cl.techniques.vpl.flux_curve import CURVE, FluxCurve
-from ssgi_cl.techniques.vpl_struct import VPL
+from ssgi_cl.techniques.vpl.packed_vpls import VPL, packed_params
 
 SUMS = VPL_MEANS
 
@@ -21,7 +21,7 @@ class ViewImportance:
 
     Virtual point lights in proportion to flux alone may lie where they light nothing that is seen:
     the roof of a house that is lit through its window. Those that do are then few, each of them
-    stands for much, and their light is lost where surfaces are closer to them than they are wide.
+    has much flux, and their light is lost where surfaces are closer to them than they are wide.
 
     Source: Georgiev and Slusallek 2010, "Simple and Robust Iterative Importance Sampling of Virtual
     Point Lights"; here the importance only moves lights, whose flux stays that of the maps.
@@ -43,7 +43,7 @@ class ViewImportance:
         assert camera is not None  # noqa: S101  a filled G-buffer has one
         if self._importance is None or self._importance.count != SUMS * runs + SUMS:
             self._importance = runtime.empty(SUMS * runs + SUMS, np.float32)
-        structs = (CAMERA, VPL, CURVE, TURN)
+        structs = (CAMERA, VPL, CURVE, TO_VIEW)
         kernel = runtime.kernel("vpl/vpl_view_importance.cl", occupancy.macros, structs)
         for rsm, order, table, map_runs in curve.pieces():
             kernel.run(
@@ -55,15 +55,14 @@ class ViewImportance:
                 order=order,
                 depth=gbuffer.depth,
                 seen_normal=gbuffer.normal,
-                occupancy=occupancy.grid,
-                grid_box=occupancy.box,
                 importance=self._importance,
                 camera=gbuffer.camera_struct,
-                vpl=occupancy.rays,
+                vpl=packed_params({"per_unit": 1.0 / occupancy.unit}, gbuffer.margin),
                 params=table,
-                turn=packed_turn(rsm.to_view(camera)),
+                turn=packed_to_view(rsm.to_view(camera)),
                 columns=gbuffer.size[1],
                 rows=gbuffer.size[0],
+                **occupancy.arguments,
             )
         runtime.kernel("vpl/vpl_view_mean.cl").run(
             (runs, SUMS), grid=(1, -(-SUMS // runtime.variant.lanes)), local=(1, 1), importance=self._importance

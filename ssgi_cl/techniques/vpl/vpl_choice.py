@@ -1,4 +1,4 @@
-"""Choosing virtual point lights: pieces of equal luminous flux of the lit texels of maps."""
+"""Choice of virtual point lights: pieces of equal luminous flux of the lit texels of maps."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def choose_vpls(
 
 
 def _chosen_vpls(maps: Sequence[DeviceRsm], count: int, *, parts: bool, glossy: bool) -> ChosenVpls:
-    """Return what chooses from maps of these sizes, the same as last time; nothing is queued."""
+    """Return the object that chooses from maps of these sizes, kept between calls; nothing is queued."""
     runtime, key = maps[0].runtime, curve_key(maps)
 
     def make() -> ChosenVpls:

@@ -1,11 +1,11 @@
-"""What techniques share that are lit by virtual point lights."""
+"""Parameters and helpers shared by the techniques that are lit by virtual point lights."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,6 +70,18 @@ class VplParams(Params):
         """Return cos / (pi d^2) below which a light does not count, d in lengths of `unit`."""
         own = self.cutoff / (math.pi * self.unit_distance**2) * unit**2
         return min(max(own, LEAST_CUT), MOST_CUT) if own > 0.0 else 0.0
+
+
+class VplKeywords(TypedDict, total=False):
+    """Parameters that the functions of both splatting techniques take."""
+
+    unit_distance: float
+    near: str
+    refine: float
+    visibility: bool
+    grid: int
+    share: int
+    importance: bool
 
 
 def camera_of(gbuffer: DeviceGBuffer, size: Size) -> Camera:

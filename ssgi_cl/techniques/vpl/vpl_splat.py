@@ -1,11 +1,11 @@
-"""One bounce of light, shot: virtual point lights shine on the pixels within their bounds."""
+"""Splatting of virtual point lights: one-bounce indirect light at every pixel."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, TypedDict, Unpack
+from typing import Any, ClassVar, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,6 @@ from ssgi_cl.core.params import Prepared, param
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.vpls import MOST_VPLS, Vpls
 from ssgi_cl.device.arrays import Plane, Size
-from ssgi_cl.device.constants import VPL_BOX, VPL_TILE
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime, serialised
@@ -25,18 +24,25 @@ from ssgi_cl.rasterize.raster.device_scene import DeviceScene
 from ssgi_cl.techniques.filters.bilateral import Bilateral, BilateralParams
 from ssgi_cl.techniques.occupancy.occupancy_grid import Occupancy, OccupancyGrid, check_grid, grid_param
 from ssgi_cl.techniques.technique import Bench, Technique
-from ssgi_cl.techniques.vpl.packed_vpls import CAPACITY, NEAR_CAPACITY, DeviceVpls, VplChooser
+from ssgi_cl.techniques.vpl.packed_vpls import CAPACITY, NEAR_CAPACITY, VPL, DeviceVpls, VplChooser, packed_params
+from ssgi_cl.techniques.vpl.tile_boxes import BOX, bound_tiles, tiles_of
 from ssgi_cl.techniques.vpl.view_importance import ViewImportance
-from ssgi_cl.techniques.vpl.vpl_light import NEARS, VplParams, camera_of, importance_param, lit_by_maps, refine_param
-from ssgi_cl.techniques.vpl_struct import VPL
+from ssgi_cl.techniques.vpl.vpl_light import (
+    NEARS,
+    VplKeywords,
+    VplParams,
+    camera_of,
+    importance_param,
+    lit_by_maps,
+    refine_param,
+)
 
-TILE, BOX = VPL_TILE, VPL_BOX
 ROWS = 2
 """Rows of pixels of a work-item: each light is read once for all of them."""
 ALL, KEPT, LOST = range(3)
 """VPL_CUT in kernels/vpl/light.clh: all light, what the cutoff keeps, and what it leaves out."""
 COARSER = 16
-"""Lights that one stands for where what the cutoff leaves out is computed: it is smooth."""
+"""Lights merged into one for the light that the cutoff leaves out, which is smooth."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,19 +80,12 @@ class VplSplatParams(VplParams):
         return self.refine > 0.0 and self.cull
 
 
-class VplSplatKeywords(TypedDict, total=False):
+class VplSplatKeywords(VplKeywords, total=False):
     """The other parameters of `vpl_splat`."""
 
-    unit_distance: float
-    near: str
     restore: bool
-    refine: float
     interleave: bool
     blur_radius: int
-    visibility: bool
-    grid: int
-    importance: bool
-    share: int
     glossy_vpls: int
     cull: bool
 
@@ -103,7 +102,7 @@ class VplSplat(Prepared[VplSplatParams]):
     """
 
     name: ClassVar[str] = "vpl splat"
-    """Of the pass that is skipped where no light is."""
+    """Name of the pass that is reported as skipped without light."""
 
     def __init__(self, runtime: Runtime, size: Size, params: VplSplatParams | None = None) -> None:
         self.runtime = runtime
@@ -122,7 +121,7 @@ class VplSplat(Prepared[VplSplatParams]):
                 for most in (params.glossy_vpls, -(-params.glossy_vpls // COARSER))
             )
             self._glossy_chooser = VplChooser(runtime, self._glossy)
-        self._tiles = (-(-size[0] // TILE), -(-size[1] // TILE))
+        self._tiles = tiles_of(size)
         tiles = self._tiles[0] * self._tiles[1]
         lists = tiles * subsets if params.cull else 1
         self._boxes = runtime.empty(tiles * BOX, np.float32)
@@ -163,47 +162,41 @@ class VplSplat(Prepared[VplSplatParams]):
             ValueError: the G-buffer has another size, there are too many lights, or neither lights
                 nor maps.
         """
-        cut = self.params.cutoff > 0.0
-        values = self._begin(gbuffer, vpls, rsms, coarse=self.params.restore and cut)
-        self._occupancy = None
+        camera, cut = camera_of(gbuffer, self.size), self.params.cutoff > 0.0
+        kinds = 2 if self.params.restore and cut else 1
+        values = self._begin(gbuffer, camera, vpls, rsms, kinds)
+        occupancy = None
         if self._grid is not None:
-            own = {**values, **self._lights.values, "segment": 0, "count": 0}
-            self._occupancy = self._grid.fill(
-                gbuffer, rsms, self._boxes, self._lights.bounds, self._lights.segments, self.size, own, scene
-            )
-            values["lift"] = self._occupancy.lift
+            tiles = self._tiles[0] * self._tiles[1]
+            occupancy = self._grid.fill(gbuffer, rsms, self._boxes, tiles, self._lights, scene)
             if vpls is None and self.params.importance:
-                self._choose_by_importance(gbuffer, rsms, self._occupancy)
-        self._shine(gbuffer, self._lights, values, KEPT if cut else ALL)
-        if self.params.restore and cut:
-            self._shine(gbuffer, self._coarse, values, LOST, add=True)
-        if self._glossy:
-            self._shine_lobes(gbuffer, values, glossy, rsms)
+                curve = self._chooser.place(rsms, camera, kinds=kinds)
+                importance = self._importance.run(gbuffer, curve, occupancy=occupancy)
+                self._chooser.place(rsms, camera, kinds=kinds, importance=importance)
+        parts = (KEPT if cut else ALL, LOST)[:kinds]
+        for part, lights in zip(parts, (self._lights, self._coarse), strict=False):
+            self._shine(gbuffer, lights, values, part, occupancy, add=part == LOST)
+        if self._glossy and self._place_lobes(camera, glossy, rsms, kinds):
+            for part, lights in zip(parts, self._glossy, strict=False):
+                own = {**values, **self._cut_values(lights), "refine": 0.0}
+                self._shine(gbuffer, lights, own, part, occupancy, add=True)
         if self._blur is None:
             return self._irradiance
         return self._blur.run(gbuffer, self._irradiance)
 
-    def _choose_by_importance(self, gbuffer: DeviceGBuffer, rsms: Sequence[DeviceRsm], occupancy: Occupancy) -> None:
-        """Queue the passes that choose the lights anew, by what they send to the image."""
-        assert gbuffer.camera is not None  # noqa: S101  _begin saw to it
-        kinds = 2 if self.params.restore and self.params.cutoff > 0.0 else 1
-        curve = self._chooser.place(rsms, gbuffer.camera, kinds=kinds)
-        importance = self._importance.run(gbuffer, curve, occupancy=occupancy)
-        self._chooser.place(rsms, gbuffer.camera, kinds=kinds, importance=importance)
-
     def lost(self, gbuffer: DeviceGBuffer, vpls: Vpls) -> float:
-        """Return which share of the image's irradiance the cutoff leaves out, walls aside."""
+        """Return the share of the image's irradiance that the cutoff leaves out, without visibility."""
         if self.params.cutoff == 0.0:
             return 0.0
-        values = self._begin(gbuffer, vpls, coarse=True)
+        values = self._begin(gbuffer, camera_of(gbuffer, self.size), vpls, (), 2)
         sums = []
         for lights, part in ((self._lights, KEPT), (self._coarse, LOST)):
-            self._shine(gbuffer, lights, values, part, occupancy=False)
+            self._shine(gbuffer, lights, values, part)
             sums.append(float(self._irradiance.download().sum(dtype=np.float64)))
         return sums[1] / sum(sums) if sum(sums) > 0.0 else 0.0
 
     def lists(self) -> NDArray[np.object_]:
-        """Return which lights of the latest batch tiles looked at: [rows, columns, subsets] arrays.
+        """Return the lights of the latest batch on the lists of tiles: [rows, columns, subsets] arrays.
 
         Parts of lights have numbers beyond the batch's.
         """
@@ -214,54 +207,29 @@ class VplSplat(Prepared[VplSplatParams]):
             result[at] = numbers[at][: counts[at]] * counts.shape[-1] + at[-1]
         return result
 
-    def _bring(self, camera: Camera, vpls: Vpls | None, rsms: Sequence[DeviceRsm], *, coarse: bool) -> None:
-        """Bring the lights to the device, or choose them there."""
+    def _begin(
+        self, gbuffer: DeviceGBuffer, camera: Camera, vpls: Vpls | None, rsms: Sequence[DeviceRsm], kinds: int
+    ) -> dict[str, float]:
+        """Bring the lights to the device or choose them there; return the struct's rest.
+
+        With two `kinds` the coarse ones too. The tiles' bounds are queued.
+        """
+        params, lights = self.params, self._lights
         if vpls is not None:
-            self._lights.upload(vpls, camera)
-            if coarse:
-                coarse_vpls = vpls.merged(self._coarse.most)
-                self._coarse.upload(coarse_vpls, camera, self._lights.unit)
+            lights.upload(vpls, camera)
+            if kinds == 2:
+                self._coarse.upload(vpls.merged(self._coarse.most), camera, lights.unit)
         elif rsms:
-            self._chooser.place(rsms, camera, kinds=2 if coarse else 1)
+            self._chooser.place(rsms, camera, kinds=kinds)
         else:
             raise ValueError("vpls is None and there are no maps: expected one of them at least")
-
-    def _begin(
-        self, gbuffer: DeviceGBuffer, vpls: Vpls | None, rsms: Sequence[DeviceRsm] = (), *, coarse: bool
-    ) -> dict[str, float]:
-        """Bring the lights to the device, queue the tiles' bounds; return the struct's rest."""
-        camera = camera_of(gbuffer, self.size)
-        params, lights = self.params, self._lights
-        self._bring(camera, vpls, rsms, coarse=coarse)
-        values = {
-            **self._cut_values(lights),
-            "lift": 0.0,
-            "refine": params.refine if lights.parted else 0.0,
-            "margin_columns": gbuffer.margin[1],
-            "margin_rows": gbuffer.margin[0],
-        }
+        values = {**self._cut_values(lights), "refine": params.refine if lights.parted else 0.0}
         if params.cull:
-            packed = VPL.pack({**values, **lights.values, "segment": 0, "count": 0})
-            self.runtime.kernel("vpl/vpl_boxes.cl", structs=(CAMERA, VPL)).run(
-                self.size,
-                grid=self._tiles,
-                depth=gbuffer.depth,
-                normal=gbuffer.normal,
-                boxes=self._boxes,
-                camera=gbuffer.camera_struct,
-                params=packed,
-            )
+            bound_tiles(self.runtime, gbuffer, self._boxes, lights)
         return values
 
-    def _shine_lobes(
-        self, gbuffer: DeviceGBuffer, values: dict[str, float], glossy: Vpls | None, rsms: Sequence[DeviceRsm]
-    ) -> None:
-        """Queue the passes that add the light that glossy surfaces mirror."""
-        camera, cut = gbuffer.camera, self.params.cutoff > 0.0
-        assert camera is not None  # noqa: S101  _begin saw to it
-        kinds = [(KEPT if cut else ALL, self._glossy[0])]
-        if self.params.restore and cut:
-            kinds.append((LOST, self._glossy[1]))
+    def _place_lobes(self, camera: Camera, glossy: Vpls | None, rsms: Sequence[DeviceRsm], kinds: int) -> bool:
+        """Bring lights with lobes to the device or choose them there; return whether there are any."""
         mirroring = [rsm for rsm in rsms if rsm.lobes is not None]
         # Tiles' bounds are in the unit of the diffuse lights.
         unit = self._lights.unit
@@ -269,13 +237,11 @@ class VplSplat(Prepared[VplSplatParams]):
             self._glossy[0].upload(glossy, camera, unit)
             self._glossy[1].upload(glossy.merged(self._glossy[1].most), camera, unit)
         elif mirroring:
-            self._glossy_chooser.place(mirroring, camera, kinds=len(kinds), unit=unit)
+            self._glossy_chooser.place(mirroring, camera, kinds=kinds, unit=unit)
         else:
             self.runtime.skip("vpl lobes", "nothing mirrors light")
-            return
-        for part, lights in kinds:
-            own = {**values, **self._cut_values(lights), "refine": 0.0}
-            self._shine(gbuffer, lights, own, part, add=True)
+            return False
+        return True
 
     def _cut_values(self, lights: DeviceVpls) -> dict[str, float]:
         """Return the members of the struct that say where light of a kind counts."""
@@ -294,16 +260,16 @@ class VplSplat(Prepared[VplSplatParams]):
         lights: DeviceVpls,
         values: dict[str, float],
         part: int,
+        occupancy: Occupancy | None = None,
         *,
         add: bool = False,
-        occupancy: bool = True,
     ) -> None:
         """Queue the passes that make the irradiance of the lights, or add theirs to it."""
         params, structs = self.params, (CAMERA, VPL)
         rows, columns = self._tiles
         parted = lights.parted
         for batch in lights.batches():
-            packed = VPL.pack({**values, **lights.values, **batch})
+            packed = packed_params({**values, **lights.values, **batch}, gbuffer.margin)
             if params.cull:
                 macros = {
                     "VPL_CUT": int(part == KEPT),
@@ -348,7 +314,7 @@ class VplSplat(Prepared[VplSplatParams]):
                         params=packed,
                     )
                 macros["VPL_PARTS"] = int(parted)
-                self._interleaved(given, macros, occupancy=occupancy)
+                self._interleaved(given, macros, occupancy)
             else:
                 macros |= {"VPL_LISTS": int(params.cull), "VPL_PARTS": int(parted), "VPL_ROWS": ROWS}
                 self.runtime.kernel("vpl/vpl_splat.cl", macros, structs).run(
@@ -356,16 +322,15 @@ class VplSplat(Prepared[VplSplatParams]):
                 )
             add = True
 
-    def _interleaved(self, given: dict[str, Any], macros: dict[str, int], *, occupancy: bool) -> None:
-        grid = self._occupancy if occupancy else None
-        macros |= grid.macros if grid else {"VPL_GRID": 32}
-        macros |= {"VPL_VISIBILITY": int(grid is not None), "VPL_SHARE": self.params.share}
+    def _interleaved(self, given: dict[str, Any], macros: dict[str, int], occupancy: Occupancy | None) -> None:
+        macros |= occupancy.macros if occupancy else {"OCCUPANCY_CELLS": 32}
+        macros |= {"VPL_VISIBILITY": int(occupancy is not None), "VPL_SHARE": self.params.share}
         pieces = 16 * (16 // self.runtime.variant.lanes)
         self.runtime.kernel("vpl/vpl_interleaved.cl", macros, (CAMERA, VPL)).run(
             self.size,
             grid=(self._tiles[0], self._tiles[1] * pieces),
-            occupancy=grid.grid if grid else None,
-            grid_box=grid.box if grid else None,
+            occupancy=occupancy.grid if occupancy else None,
+            grid_box=occupancy.box if occupancy else None,
             near=self._near,
             near_counts=self._near_counts,
             **given,
@@ -388,7 +353,7 @@ def vpl_splat(
     Keller 1997, "Instant Radiosity"; Dachsbacher and Stamminger 2006, "Splatting Indirect
     Illumination". Departs: a light is a disc (form factor of Nichols, Shopf and Wyman 2009), chosen
     along a Hilbert curve through the map; the cutoff fades and what it leaves out is restored;
-    lights give way to their parts near by; tiles cull lights in place of splats; walls may block
+    near lights give way to their parts; tiles cull lights in place of splats; surfaces may block
     light.
 
     Args:
@@ -424,12 +389,12 @@ DESCRIPTOR = Technique(
         "vpl/vpl_blocks.cl": (),
         "vpl/vpl_boxes.cl": (),
         "vpl/vpl_cut.cl": ("VPL_GLOSSY", "VPL_MIDDLE", "VPL_WEIGHTED"),
-        "vpl/vpl_grid.cl": ("VPL_GRID",),
+        "occupancy/occupancy_clear.cl": ("OCCUPANCY_CELLS",),
         "vpl/vpl_interleaved.cl": (
             "VPL_ADD",
             "VPL_CUT",
             "VPL_GLOSSY",
-            "VPL_GRID",
+            "OCCUPANCY_CELLS",
             "VPL_NEAR",
             "VPL_PARTS",
             "VPL_SHARE",
@@ -437,16 +402,16 @@ DESCRIPTOR = Technique(
         ),
         "vpl/vpl_lists.cl": ("VPL_CUT", "VPL_GLOSSY", "VPL_PARTS", "VPL_SUBSETS"),
         "vpl/vpl_near.cl": (),
-        "vpl/vpl_occupy.cl": ("VPL_GRID", "VPL_LAYERS"),
+        "occupancy/occupancy_pixels.cl": ("OCCUPANCY_CELLS", "OCCUPANCY_LAYERS"),
         "vpl/vpl_place.cl": ("VPL_GLOSSY", "VPL_PART"),
-        "vpl/vpl_reach.cl": ("VPL_GRID",),
+        "occupancy/occupancy_reach.cl": ("OCCUPANCY_CELLS",),
         "vpl/vpl_partial_sums.cl": ("VPL_GLOSSY", "VPL_WEIGHTED"),
         "vpl/vpl_splat.cl": ("VPL_ADD", "VPL_CUT", "VPL_GLOSSY", "VPL_LISTS", "VPL_NEAR", "VPL_PARTS", "VPL_ROWS"),
         "vpl/vpl_to_view.cl": ("VPL_PART",),
         "vpl/vpl_totals.cl": (),
-        "vpl/vpl_view_importance.cl": ("VPL_GRID",),
+        "vpl/vpl_view_importance.cl": ("OCCUPANCY_CELLS",),
         "vpl/vpl_view_mean.cl": (),
-        "vpl/vpl_voxelize.cl": ("VPL_GRID",),
+        "occupancy/occupancy_voxelize.cl": ("OCCUPANCY_CELLS",),
     },
     reads=("depth", "normal", "rsms", "scene"),
     writes=("irradiance",),

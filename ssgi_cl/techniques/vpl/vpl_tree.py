@@ -1,4 +1,4 @@
-"""Virtual point lights as a tree: where their light varies little, few stand for many."""
+"""Light tree over virtual point lights, and its cuts: few lights stand for many."""
 
 from __future__ import annotations
 
@@ -24,30 +24,29 @@ from ssgi_cl.device.constants import (
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.techniques.occupancy.occupancy_grid import Occupancy, OccupancyGrid
-from ssgi_cl.techniques.vpl.packed_vpls import DeviceVpls
-from ssgi_cl.techniques.vpl_struct import VPL
+from ssgi_cl.techniques.vpl.packed_vpls import VPL, DeviceVpls, packed_params
 
 CUT = Struct("CutParams", (("first", "int"), ("groups", "int"), *floats("scale", "faint", "bright")))
 
 RECORD, BOUNDS, LEAF = TREE_RECORD, TREE_BOUNDS, TREE_LEAF
 GROUP, SAMPLE = CUT_GROUP, CUT_SAMPLE
 SAMPLES = 1024
-"""That the mean irradiance is estimated from; a multiple of every number of lanes."""
+"""Samples from which the mean irradiance is estimated; a multiple of every number of lanes."""
 LISTED = 1 << 23
 """Places of the lists of one pass, and floats of its samples, which bounds their memory."""
 ROWS = 4
 """Times so many samples as a work-item has lanes: each light is read once for all of them.
-With walls half of them, as view rays need registers."""
+With visibility half of them, as shadow rays need registers."""
 SHARES = (4, 16, 64)
 """Lights that may share a shadow ray: those of a run."""
 BRIGHT = 0.35
-"""Of the error that is allowed of runs: of 16 lights that send more, every 4 have a shadow ray.
+"""Part of the error allowed of clusters: of 16 lights that send more, every 4 have a shadow ray.
 FLIP of whole frames of 400 x 300, without it and with: parlour .095 and .090, hall .151 and .148,
 workshop .169 and .167, terrace .060 and .060; kept frames take 7 to 17 % more indoors, and as long
 as before outdoors. 4 lights for every ray give .090, .146, .168 and .060 in 1.2 to 1.7 times the
 time."""
 FAINT = 0.25
-"""Of the error that is allowed of runs: 64 lights that send less have one shadow ray. In whole
+"""Part of the error allowed of clusters: 64 lights that send less have one shadow ray. In whole
 frames of 400 x 300, 0.5 raises the FLIP of the parlour from .119 to .129. Where all light is 5
 times that of the lights it is up to twice as much: the terrace takes 10 % less time for the same
 FLIP, the Japanese garden 8 % for .035 in place of .034."""
@@ -72,13 +71,13 @@ class VplTree:
     Args:
         runtime: the device.
         lights: what the tree is made of; without subsets. Parts of lights are not in the tree:
-            near by, they shine in place of a light that is listed.
+            they shine in place of a near light that is listed.
         near, cut: VPL_NEAR and VPL_CUT of kernels/vpl/light.clh.
         grid: of what blocks light; None: nothing does.
         share: lights that share a shadow ray, one of `SHARES`.
 
     Attributes:
-        limits: [3] allowed errors in W/m^2, of interpolation and of runs of lights, and all light
+        limits: [3] allowed errors in W/m^2, of interpolation and of clusters of lights, and all light
             over that of the lights; see `measure`.
     """
 
@@ -118,8 +117,8 @@ class VplTree:
             "VPL_VISIBILITY": int(grid is not None),
             "SHADE_LINE": SHARES.index(share) + 1,
         }
-        # Without walls the kernel does not look at the grid.
-        macros |= grid.macros if grid else {"VPL_GRID": 32}
+        # Without visibility the kernel does not look at the grid.
+        macros |= grid.macros if grid else {"OCCUPANCY_CELLS": 32}
         self._macros = macros
 
     def reserve(self, most: int) -> None:
@@ -164,7 +163,7 @@ class VplTree:
     ) -> None:
         """Queue the passes that set `limits` to shares of the samples' mean irradiance.
 
-        The mean of `SAMPLES` of them, lit by 64 or more runs of lights where there are as many, and
+        The mean of `SAMPLES` of them, lit by 64 or more clusters of lights where there are as many, and
         by `other_light`, planes of irradiance in W/m^2 of a multiple of the source's size.
         """
         self._mean.run(
@@ -251,9 +250,7 @@ class VplTree:
                     "lists": self._lists,
                     "counts": self._counts,
                     "cut": cut,
-                    "params": self._packed(
-                        {**values, "lift": occupancy.lift if occupancy else 0.0, **batch}, source.margin
-                    ),
+                    "params": self._packed({**values, **batch}, source.margin),
                 }
                 self._cut.run(
                     source.size,
@@ -283,7 +280,7 @@ class VplTree:
                 )
 
     def cuts(self, count: int) -> list[NDArray[np.int32]]:
-        """Return which records the first groups of the latest pass listed. Waits for the device."""
+        """Return the records that the first groups of the latest pass listed. Waits for the device."""
         return [row & (CUT_SHARED - 1) for row in self._listed(count)]
 
     def shared(self, count: int) -> list[NDArray[np.bool_]]:
@@ -300,13 +297,8 @@ class VplTree:
         return [row[:length] for row, length in zip(lists, counts, strict=False)]
 
     def records(self) -> NDArray[np.float32]:
-        """Return [segments, records, RECORD] what stands for the lights. Waits for the device."""
+        """Return [segments, records, RECORD] lights and clusters. Waits for the device."""
         return self._records.download().reshape(self.lights.segments, -1, RECORD)
 
     def _packed(self, values: dict[str, float], margin: Size) -> Any:
-        return VPL.pack(
-            {**_ZEROS, **self.lights.values, **values, "margin_columns": margin[1], "margin_rows": margin[0]}
-        )
-
-
-_ZEROS = {name: 0 for name, _ in VPL.members}
+        return packed_params({**self.lights.values, **values}, margin)

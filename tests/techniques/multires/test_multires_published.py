@@ -20,7 +20,8 @@ from ssgi_cl.techniques.multires.multires_splat import multires_splat
 from ssgi_cl.techniques.vpl.vpl_splat import VplSplat, VplSplatParams
 
 from ..analytic import CAMERAS, Plane, camera, scene, slow_but, tilted, trace
-from ..vpl.test_vpl_tree import lights, uploaded
+from ..vpl.given import assert_second_run_allocates_nothing, cornell_box, uploaded
+from ..vpl.test_vpl_tree import lights
 from .test_multires_splat import box, relative, spots, wall
 
 Floats = NDArray[np.float32]
@@ -239,14 +240,9 @@ def test_light_converges_to_full_shooting_as_thresholds_fall(runtime: Runtime) -
 
 
 def test_lights_of_maps_are_those_of_splatting(runtime: Runtime) -> None:
-    from ssgi_cl.rasterize import gbuffer as drawn
-    from ssgi_cl.rasterize import rsm
-    from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
     from ssgi_cl.techniques.vpl.vpl_splat import vpl_splat
 
-    made = BUILTIN_SCENES["cornell_box"]()
-    seen = rsm(made.scene, made.lights[0], size=64, runtime=runtime)  # type: ignore[arg-type]
-    gbuffer = drawn(made.scene, made.camera(80, 60), runtime=runtime)
+    gbuffer, seen = cornell_box(runtime, 80, 60, 64)
     params = {"vpls": 300, "runtime": runtime}
     e = multires_splat(gbuffer, [seen, seen], method="published", levels=1, **params)
     every = vpl_splat(gbuffer, [seen, seen], cutoff=0.0, refine=0.0, cull=False, **params)
@@ -268,35 +264,7 @@ def test_nothing_seen_and_no_light_give_nothing(variant_runtime: Runtime, rng: n
 def test_second_call_allocates_and_builds_nothing(variant_runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer, vpls = uploaded(variant_runtime, scene("ball", camera(), rng)), lights(rng, 20)
     technique = MultiresPublished(variant_runtime, gbuffer.size, MultiresPublishedParams(vpls=20))
-    first = technique.run(gbuffer, vpls).download()
-    before = variant_runtime.allocated_bytes, variant_runtime.builds
-    second = technique.run(gbuffer, vpls).download()
-    assert (variant_runtime.allocated_bytes, variant_runtime.builds) == before
-    np.testing.assert_array_equal(first, second)
-
-
-@pytest.mark.parametrize(
-    ("params", "error", "message"),
-    [
-        ({"method": "best"}, ValueError, r"method is 'best': expected one of 'adaptive', 'publish"),
-        (
-            {"interpolation_error": 0.02, "method": "published"},
-            ValueError,
-            r"interpolation_error=0.02 applies only to method='adaptive' \(got method='published'\)",
-        ),
-        ({"visibility": True, "method": "published"}, ValueError, r"visibility=True applies only to method='adaptive'"),
-        ({"levels": 5}, ValueError, r"levels=5 applies only to method='published' \(got method='adaptive'\)"),
-        ({"levels": 0, "method": "published"}, ValueError, r"levels is 0: expected an integer"),
-        ({"depth_threshold": -1.0, "method": "published"}, ValueError, r"depth_threshold is -1.0"),
-        ({"colour": 1, "method": "published"}, TypeError, r"colour"),
-    ],
-    ids=str,
-)
-def test_bad_parameter_is_refused(
-    runtime: Runtime, params: dict[str, Any], error: type[Exception], message: str
-) -> None:
-    with pytest.raises(error, match=message):
-        multires_splat(wall(), [], runtime=runtime, **params)
+    assert_second_run_allocates_nothing(variant_runtime, lambda: technique.run(gbuffer, vpls))
 
 
 def test_a_gbuffer_of_another_size_is_refused(runtime: Runtime) -> None:

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.scene import box_corners
 from ssgi_cl.core.vpls import Vpls
-from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.rsm import on_device_rsm
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import gbuffer as drawn
@@ -30,7 +30,14 @@ from ssgi_cl.techniques.vpl.vpl_tree import GROUP, SHARES
 from ssgi_cl.truth import one_bounce
 
 from ..analytic import Plane, camera, scene, trace
-from ..vpl.test_vpl_tree import lights, uploaded
+from ..vpl.given import (
+    assert_second_run_allocates_nothing,
+    assert_what_does_not_fit_is_refused,
+    cornell_box,
+    lit_scene,
+    uploaded,
+)
+from ..vpl.test_vpl_tree import lights
 
 Floats = NDArray[np.float32]
 
@@ -134,11 +141,7 @@ def test_errors_are_shares_of_the_mean_with_few_lights_and_many(runtime: Runtime
 
 @pytest.mark.parametrize("name", [pytest.param("hall", marks=pytest.mark.slow), "cornell_box"])
 def test_few_pixels_and_few_lights_are_close_to_all(runtime: Runtime, name: str) -> None:
-    made = BUILTIN_SCENES[name]()
-    gbuffer = drawn(made.scene, made.camera(320, 240), runtime=runtime)
-    punctual_lights = [light for light in made.lights if type(light).__name__ != "Environment"]
-    maps = [rsm(made.scene, punctual_light, size=256, runtime=runtime) for punctual_light in punctual_lights]  # type: ignore[arg-type]
-    vpls = choose_vpls(maps, 1024, runtime=runtime)
+    gbuffer, vpls = lit_scene(runtime, name, 320, 240)
     every, _ = splatted(runtime, gbuffer, vpls, coarsest=1, light_error=0.0)
     seen = np.isfinite(np.asarray(gbuffer.depth))
     errors, pixels = [], []
@@ -167,21 +170,9 @@ def test_constant_light_stays_constant(variant_runtime: Runtime) -> None:
 def test_sharp_light_on_a_flat_wall_is_not_blurred(runtime: Runtime) -> None:
     # Hot spots two to six pixels wide, between the points of the coarsest level.
     at = [(0.13, 0.21), (-0.71, 0.43), (0.9, -0.66)]
-    gbuffer, vpls = (
-        wall(),
-        Vpls(
-            *(
-                np.concatenate(pair)
-                for pair in zip(
-                    *(
-                        (v.position, v.normal, v.flux, v.area)
-                        for v in (spots(at, 0.25, 1e-2), spots([(0.0, 0.0)], 3.0, 10.0))
-                    ),
-                    strict=True,
-                )
-            )
-        ),
-    )
+    sharp_spots, wide = spots(at, 0.25, 1e-2), spots([(0.0, 0.0)], 3.0, 10.0)
+    both = ((v.position, v.normal, v.flux, v.area) for v in (sharp_spots, wide))
+    gbuffer, vpls = wall(), Vpls(*map(np.concatenate, zip(*both, strict=True)))
     wanted = full(gbuffer, vpls)
     seen = np.ones(wanted.shape[:2], np.bool_)
     sharp, technique = splatted(runtime, gbuffer, vpls, interpolation_error=0.01)
@@ -243,18 +234,8 @@ def test_a_path_of_sixty_frames_pops_little_more_than_all_lights_at_all_pixels(r
             mean = images[1][near > 0.0].mean()
             few, every = (np.abs(one - other).max(axis=-1) / mean for one, other in zip(images, before[1], strict=True))
             calm = few[same & (every < 0.002)]
-            fractions.append(
-                [
-                    np.mean(jumps > limit)
-                    for jumps, limit in (
-                        (few[same], 0.01),
-                        (every[same], 0.01),
-                        (calm, 0.01),
-                        (calm, 0.02),
-                        (calm, 0.05),
-                    )
-                ]
-            )
+            changes = ((few[same], 0.01), (every[same], 0.01), (calm, 0.01), (calm, 0.02), (calm, 0.05))
+            fractions.append([np.mean(jumps > limit) for jumps, limit in changes])
         before = near, images
     # Measured in the Cornell box and the hall: 0.0024 and 0.0249 of the pixels change by more than
     # a hundredth of the mean, where with all lights at all pixels it is 0.0019 and 0.0239. Of those
@@ -270,9 +251,7 @@ def full_on_device(runtime: Runtime, gbuffer: GBuffer, vpls: Vpls) -> Floats:
 
 
 def test_parts_bring_light_near_its_receivers_closer_to_all_texels(runtime: Runtime) -> None:
-    made = BUILTIN_SCENES["cornell_box"]()
-    gbuffer = drawn(made.scene, made.camera(160, 120), runtime=runtime)
-    seen = rsm(made.scene, made.lights[0], size=256, runtime=runtime)  # type: ignore[arg-type]
+    gbuffer, seen = cornell_box(runtime, 160, 120, 256)
     every = vpl_splat(gbuffer, seen, 1 << 16, 0.0, runtime=runtime)
     found = [
         multires_splat(gbuffer, seen, 1024, 0.005, light_error=0.001, refine=r, runtime=runtime) for r in (4.0, 0.0)
@@ -290,9 +269,7 @@ def test_parts_bring_light_near_its_receivers_closer_to_all_texels(runtime: Runt
 @pytest.fixture
 def walled(runtime: Runtime) -> tuple[GBuffer, Any, Vpls]:
     """The Cornell box with two layers, its light's map, and lights from it."""
-    made = BUILTIN_SCENES["cornell_box"]()
-    gbuffer = drawn(made.scene, made.camera(72, 54), layers=2, overscan=0.1, runtime=runtime)
-    seen = rsm(made.scene, made.lights[0], size=64, runtime=runtime)  # type: ignore[arg-type]
+    gbuffer, seen = cornell_box(runtime, 72, 54, 64, layers=2, overscan=0.1)
     return gbuffer, seen, choose_vpls(seen, 500, runtime=runtime)
 
 
@@ -390,6 +367,20 @@ def test_walls_take_light_away_alone_and_in_bit_identical_results_again(
     assert 0.5 < made[1].sum() / made[0].sum() < 0.95
 
 
+def test_where_nothing_shone_the_grid_spans_the_scene(runtime: Runtime) -> None:
+    made = BUILTIN_SCENES["cornell_box"]()
+    device = uploaded(runtime, drawn(made.scene, made.camera(40, 30), runtime=runtime))
+    found = MultiresSplat(runtime, device.size, MultiresSplatParams(visibility=True, grid=32)).block(device, made.scene)
+    assert device.camera is not None
+    corners = box_corners(made.scene.bounds) @ device.camera.view[:3, :3].T + device.camera.view[:3, 3]
+    box = found.box.download().astype(np.float64)
+    at = (corners / found.unit - box[:3]) * box[3]
+    # Three cells beside it, and the longest side has all others.
+    np.testing.assert_allclose(at.min(axis=0), 3.0, atol=1e-3)
+    assert at.max() == pytest.approx(29.0, abs=1e-3)
+    assert found.grid.download()[: 32**3 // 32].any()
+
+
 @pytest.mark.slow
 def test_light_that_walls_block_is_close_to_a_path_tracer(runtime: Runtime) -> None:
     made = BUILTIN_SCENES["cornell_box"]()
@@ -434,9 +425,7 @@ def test_no_light_is_skipped_and_said(runtime: Runtime) -> None:
 
 
 def test_a_map_without_light_gives_none(runtime: Runtime) -> None:
-    made = BUILTIN_SCENES["cornell_box"]()
-    gbuffer = drawn(made.scene, made.camera(40, 30), runtime=runtime)
-    seen = rsm(made.scene, made.lights[0], size=32, runtime=runtime)  # type: ignore[arg-type]
+    gbuffer, seen = cornell_box(runtime, 40, 30, 32)
     dark = replace(seen, flux=np.zeros_like(np.asarray(seen.flux)))
     np.testing.assert_array_equal(multires_splat(gbuffer, dark, 64, runtime=runtime), 0.0)
     assert multires_splat(gbuffer, seen, 64, runtime=runtime).any()
@@ -500,11 +489,7 @@ def test_second_call_allocates_and_builds_nothing_and_gives_bit_identical_result
 ) -> None:
     gbuffer, vpls = uploaded(variant_runtime, scene("ball", camera(), rng)), lights(rng)
     technique = MultiresSplat(variant_runtime, gbuffer.size)
-    first = technique.run(gbuffer, vpls).download()
-    before = variant_runtime.allocated_bytes, variant_runtime.builds
-    second = technique.run(gbuffer, vpls).download()
-    assert (variant_runtime.allocated_bytes, variant_runtime.builds) == before
-    np.testing.assert_array_equal(first, second)
+    assert_second_run_allocates_nothing(variant_runtime, lambda: technique.run(gbuffer, vpls))
 
 
 # ---- bad input
@@ -525,6 +510,17 @@ def test_second_call_allocates_and_builds_nothing_and_gives_bit_identical_result
         ({"coarsest": 3}, ValueError, r"coarsest is 3: expected one of"),
         ({"grid": 100}, ValueError, r"grid is 100: expected 0 or one of \(32, 64, 128, 256\)"),
         ({"colour": 1}, TypeError, r"colour"),
+        ({"method": "best"}, ValueError, r"method is 'best': expected one of 'adaptive', 'publish"),
+        (
+            {"interpolation_error": 0.02, "method": "published"},
+            ValueError,
+            r"interpolation_error=0.02 applies only to method='adaptive' \(got method='published'\)",
+        ),
+        ({"visibility": True, "method": "published"}, ValueError, r"visibility=True applies only to method='adaptive'"),
+        ({"levels": 5}, ValueError, r"levels=5 applies only to method='published' \(got method='adaptive'\)"),
+        ({"levels": 0, "method": "published"}, ValueError, r"levels is 0: expected an integer"),
+        ({"depth_threshold": -1.0, "method": "published"}, ValueError, r"depth_threshold is -1.0"),
+        ({"colour": 1, "method": "published"}, TypeError, r"colour"),
     ],
     ids=str,
 )
@@ -539,9 +535,4 @@ def test_other_sizes_too_many_lights_and_an_empty_gbuffer_are_refused(
     runtime: Runtime, rng: np.random.Generator
 ) -> None:
     technique = MultiresSplat(runtime, (8, 8), MultiresSplatParams(vpls=10))
-    with pytest.raises(ValueError, match=r"size is \(9, 9\): expected \(8, 8\)"):
-        technique.run(uploaded(runtime, wall((9, 9))), lights(rng, 5))
-    with pytest.raises(ValueError, match=r"vpls has 11 lights: expected at most 10"):
-        technique.run(uploaded(runtime, wall((8, 8))), lights(rng, 11))
-    with pytest.raises(ValueError, match=r"the device G-buffer is empty"):
-        technique.run(DeviceGBuffer(runtime, (8, 8)), lights(rng, 5))
+    assert_what_does_not_fit_is_refused(runtime, technique, lights(rng, 11))

@@ -12,7 +12,6 @@ from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.core.vpls import Vpls
-from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import gbuffer as drawn
 from ssgi_cl.rasterize.raster.view import device_scene
@@ -24,7 +23,9 @@ from ssgi_cl.techniques.radiosity.air import Air
 from ssgi_cl.techniques.vpl.vpl_splat import VplSplat, VplSplatParams, vpl_splat
 
 from ...closed_forms import Quad, quads
+from ...closed_forms import made as scene_of
 from ...truth.test_light import quads as textured_quads
+from ..vpl.given import uploaded
 
 Doubles = NDArray[np.float64]
 FLOOR: Quad = ((-2, 0, -1), (4, 0, 0), (0, 0, 2))
@@ -68,28 +69,16 @@ def lit(
     cells: int = CELLS,
 ) -> tuple[Doubles, Any]:
     """Return irradiance [rows, columns], and what made it."""
-    device = DeviceGBuffer(runtime, gbuffer.size, layers=gbuffer.layers)
-    device.upload(gbuffer)
+    device, given = uploaded(runtime, gbuffer), {"vpls": len(vpls), "visibility": visibility, "grid": cells}
     technique: Any
-    if kind == "multires":
-        technique = MultiresSplat(
-            runtime,
-            gbuffer.size,
-            MultiresSplatParams(vpls=len(vpls), coarsest=1, light_error=0.0, visibility=visibility, grid=cells),
-        )
-    else:
-        technique = VplSplat(
-            runtime,
-            gbuffer.size,
-            VplSplatParams(
-                vpls=len(vpls), cutoff=0.0, interleave=True, visibility=visibility, grid=cells, blur_radius=0
-            ),
-        )
     solid = None if scene is None else device_scene(scene, runtime)
     if kind == "multires":
+        technique = MultiresSplat(runtime, gbuffer.size, MultiresSplatParams(**given, coarsest=1, light_error=0.0))
         found = technique.gather(device, vpls, scene=solid)
         technique.filled = found.occupancy
         return found.irradiance.download()[0].astype(np.float64), technique
+    params = VplSplatParams(**given, cutoff=0.0, interleave=True, blur_radius=0)
+    technique = VplSplat(runtime, gbuffer.size, params)
     return technique.run(device, vpls, scene=solid).download()[0].astype(np.float64), technique
 
 
@@ -252,16 +241,8 @@ def test_small_triangles_occupy_the_cells_of_the_reference(runtime: Runtime) -> 
     rng = np.random.default_rng(4)
     middle = rng.uniform(-0.9, 0.9, (4000, 1, 3))
     corners = (middle + rng.normal(0.0, 0.03, (4000, 3, 3))).astype(np.float32)
-    points = corners.reshape(-1, 3)
-    scene = Scene(
-        positions=points,
-        normals=np.zeros_like(points),
-        uvs=np.zeros((len(points), 2), np.float32),
-        colors=np.ones_like(points),
-        triangles=np.arange(12000, dtype=np.int32).reshape(-1, 3),
-        material_ids=np.zeros(4000, np.int32),
-    )
-    filled = OccupancyGrid(runtime, 32, (1, 1)).fill_scene(device_scene(scene, runtime), np.eye(4), 1.0, 1.0)
+    scene = scene_of(corners.reshape(-1, 3), np.arange(12000).reshape(-1, 3))
+    filled = OccupancyGrid(runtime, 32, (1, 1)).fill_scene(device_scene(scene, runtime), np.eye(4), 1.0, -1.0, 1.0)
     box = filled.box.download().astype(np.float64)
     held = Air.of(filled.grid.download(), 32).numbers == 0
     expected = np.zeros_like(held)

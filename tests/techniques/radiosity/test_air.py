@@ -1,4 +1,4 @@
-"""Air of an occupancy grid: its cells against kernels/vpl/grid.clh, its spaces against a flood."""
+"""Air of an occupancy grid: its cells against kernels/occupancy/grid.clh, its spaces against a flood."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ CELLS = 32
 
 
 def packed(occupied: NDArray[np.bool_]) -> NDArray[np.int32]:
-    """Return the words that kernels read, cell by cell as `surfel_occupied` finds them."""
+    """Return the words that kernels read, cell by cell as `occupancy_held` finds them."""
     blocks = CELLS // 4
     words = np.zeros(CELLS**3 // 16, np.uint32)
     for z, y, x in np.argwhere(occupied):

@@ -36,7 +36,7 @@ def centre(x: int, y: int, z: int) -> list[float]:
 
 
 def test_a_surface_sends_its_radiance_to_the_side_that_it_faces() -> None:
-    volume = LightVolume.of(light([centre(4, 5, 6)], [[0, 1, 0]], [0.004], [math.pi]), LOW, EXTENT)
+    volume = LightVolume(light([centre(4, 5, 6)], [[0, 1, 0]], [0.004], [math.pi]), LOW, EXTENT)
     np.testing.assert_allclose(volume.radiance[6, 5, 4, 2], 1.0)
     np.testing.assert_allclose(volume.area[6, 5, 4], [FAINT, FAINT, 0.004 / SIDE**2, *[FAINT] * 3])
     # Cells without a surface that faces a side take the nearest one's.
@@ -46,21 +46,21 @@ def test_a_surface_sends_its_radiance_to_the_side_that_it_faces() -> None:
 
 def test_surfaces_in_one_cell_count_by_their_area() -> None:
     both = light([centre(4, 5, 6)] * 2, [[1, 0, 0]] * 2, [0.001, 0.003], [math.pi, 5 * math.pi])
-    volume = LightVolume.of(both, LOW, EXTENT)
+    volume = LightVolume(both, LOW, EXTENT)
     np.testing.assert_allclose(volume.radiance[6, 5, 4, 0], 4.0)
 
 
 def test_the_nearest_surface_counts_where_there_is_none() -> None:
     two = light([centre(2, 5, 6), centre(20, 5, 6)], [[0, 0, -1]] * 2, [1e-3] * 2,
                 [math.pi, 3 * math.pi])  # fmt: skip
-    faced = LightVolume.of(two, LOW, EXTENT).radiance[6, 5, :, 5, 0]
+    faced = LightVolume(two, LOW, EXTENT).radiance[6, 5, :, 5, 0]
     np.testing.assert_allclose(faced[:11], 1.0)
     np.testing.assert_allclose(faced[12:], 3.0)
 
 
 def test_a_slanted_surface_counts_for_the_sides_that_it_faces() -> None:
     slanted = light([centre(4, 5, 6)], [[0.6, 0.0, -0.8]], [0.002], [math.pi])
-    volume = LightVolume.of(slanted, LOW, EXTENT)
+    volume = LightVolume(slanted, LOW, EXTENT)
     np.testing.assert_allclose(volume.radiance[6, 5, 4, [0, 5]], 1.0)
     np.testing.assert_allclose(volume.area[6, 5, 4, [0, 5]], np.array((0.36, 0.64)) * 0.002 / SIDE**2)
 
@@ -69,7 +69,7 @@ def test_light_besides_is_added_and_never_more_than_its_own_surface_sends() -> N
     """A light on a sliver of surface, of which the pieces have caught little."""
     own = light([centre(4, 5, 6)], [[0, 1, 0]], [1e-6], [math.pi])
     also = light([centre(4, 5, 6)], [[0, 1, 0]], [1e-3], [2 * math.pi])
-    volume = LightVolume.of(own, LOW, EXTENT, also)
+    volume = LightVolume(own, LOW, EXTENT, also)
     np.testing.assert_allclose(volume.radiance[6, 5, 4, 2], 3.0)
 
 
@@ -77,12 +77,9 @@ def test_in_a_room_it_is_the_mean_radiance_of_its_surfaces(runtime: Runtime) -> 
     """A white furnace: all surfaces send the sky's radiance."""
     built = BUILTIN_SCENES["hall"]()
     scene = built.scene
-    radiosity = Radiosity(runtime, RadiosityParams(surfels=512))
-    assert radiosity.volume is None
-    radiosity.run(scene, [Environment(2.0)])
-    volume = radiosity.volume
-    assert volume is not None
-    assert radiosity.volume is volume
+    radiosity, sky = Radiosity(runtime, RadiosityParams(surfels=512)), Environment(2.0)
+    volume = radiosity.run(scene, [sky]).volume
+    assert radiosity.run(scene, [sky]).volume is volume
     vpls = radiosity.vpls
     assert vpls is not None
     assert vpls.parts is not None
@@ -102,9 +99,7 @@ def test_light_of_maps_that_surfaces_reflect_straight_is_in_it(runtime: Runtime)
     drawn = rsm(built.scene, spot, size=64, runtime=runtime)
     (seen,) = on_device_rsms([drawn], runtime)
     radiosity = Radiosity(runtime, RadiosityParams(surfels=512, bounces=1))
-    radiosity.run(built.scene, [], rsms=[seen])
-    volume, vpls = radiosity.volume, radiosity.vpls
-    assert volume is not None
+    volume, vpls = radiosity.run(built.scene, [], rsms=[seen]).volume, radiosity.vpls
     assert vpls is not None
     total = float((volume.radiance * volume.area[..., None])[volume.area > 2 * FAINT].sum())
     bounced = float(vpls.flux.sum()) / math.pi / volume.side**2

@@ -183,7 +183,7 @@ def test_a_furnace_at_pixels(runtime: Runtime) -> None:
     scene, albedo = box(0.8, 1.0), 0.8
     camera = Camera.look_at((0.9, -0.2, 0.8), (-1, -0.4, -1), width=96, height=72)
     made = Radiosity(runtime, RadiosityParams(surfels=2048))
-    lights = made.run(scene, ())
+    lights = made.run(scene, ()).lights
     splat = MultiresSplat(runtime, camera.size, MultiresSplatParams(vpls=16, visibility=True, grid=128), surfels=4096)
     seen = on_device(gbuffer(scene, camera, runtime=runtime), runtime)
     plane = splat.run(seen, scene=device_scene(scene, runtime), surfels=lights)
@@ -381,12 +381,12 @@ def test_sky_directions_hold_all_of_the_sky() -> None:
 
 
 def test_without_light_nothing_is_sent(runtime: Runtime) -> None:
-    assert Radiosity(runtime, RadiosityParams(surfels=64)).run(box(0.5), ()) is None
+    assert Radiosity(runtime, RadiosityParams(surfels=64)).run(box(0.5), ()).lights is None
 
 
 def test_a_scene_without_area_sends_nothing(runtime: Runtime) -> None:
     flat = meshed([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]], (Material(emission=(1.0,) * 3),))
-    assert Radiosity(runtime, RadiosityParams(surfels=64)).run(flat, ()) is None
+    assert Radiosity(runtime, RadiosityParams(surfels=64)).run(flat, ()).lights is None
 
 
 def test_many_bright_emissive_triangles(runtime: Runtime) -> None:

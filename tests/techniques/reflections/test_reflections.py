@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.lights import Environment
-from ssgi_cl.core.scene import Material, Scene
+from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.gbuffer import on_device
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.raster.device_scene import DeviceScene
@@ -21,10 +20,11 @@ from ssgi_cl.reference.direct.shade import world_surface
 from ssgi_cl.reference.phong import Lobes
 from ssgi_cl.reference.reflections.reflections import Screen, added_reference, arriving_reference
 from ssgi_cl.techniques.occupancy.occupancy_grid import OccupancyGrid
-from ssgi_cl.techniques.radiosity.light_volume import CELLS, FACES, LightVolume
+from ssgi_cl.techniques.radiosity.light_volume import CELLS, FACES, LightVolume, SentLight
 from ssgi_cl.techniques.radiosity.radiosity import RadiosityParams
 from ssgi_cl.techniques.reflections.reflections import Reflections, ReflectionsParams, reflections
 
+from ...closed_forms import quads
 from ..analytic import Ball, Plane, camera, trace
 
 Doubles = NDArray[np.float64]
@@ -35,25 +35,6 @@ CUBE = 128
 DEFAULTS = ReflectionsParams()
 
 
-def quads(*parts: Sequence[Sequence[float]]) -> Scene:
-    """Return a scene of parallelograms: corner and two edges each."""
-    points = []
-    for part in parts:
-        corner, first, second = (np.asarray(p, np.float64) for p in part)
-        points += [corner, corner + first, corner + first + second, corner + second]
-    faces = [[4 * i + k for k in t] for i in range(len(parts)) for t in ((0, 1, 2), (0, 2, 3))]
-    count = len(points)
-    return Scene(
-        positions=np.asarray(points, np.float32),
-        normals=np.zeros((count, 3), np.float32),
-        uvs=np.zeros((count, 2), np.float32),
-        colors=np.ones((count, 3), np.float32),
-        triangles=np.asarray(faces, np.int32),
-        material_ids=np.zeros(len(faces), np.int32),
-        materials=(Material(),),
-    )
-
-
 FAR_AWAY = quads(((500, 500, 500), (1, 0, 0), (0, 1, 0)))
 """Nothing that any ray meets."""
 
@@ -61,7 +42,9 @@ FAR_AWAY = quads(((500, 500, 500), (1, 0, 0), (0, 1, 0)))
 def even(value: float) -> LightVolume:
     """Return a volume of surfaces that all send the same."""
     shape = (CELLS, CELLS, CELLS, FACES)
-    return LightVolume(np.full(3, -HALF), 2.0 * HALF / CELLS, np.full((*shape, 3), value), np.ones(shape))
+    volume = LightVolume(SentLight.none(), np.full(3, -HALF), 2.0 * HALF)
+    vars(volume)["_sides"] = np.full((*shape, 3), value), np.ones(shape)
+    return volume
 
 
 def added(
@@ -81,7 +64,7 @@ def added(
         plane.upload(np.moveaxis(values, -1, 0).astype(np.float32))
     with runtime.frame():
         occupancy = OccupancyGrid(runtime, CUBE, device.size).fill_scene(
-            DeviceScene(runtime, blocks), gbuffer.camera.view, HALF, HALF
+            DeviceScene(runtime, blocks), gbuffer.camera.view, HALF, -HALF, HALF
         )
         Reflections(runtime, device.size).run(
             device,

@@ -14,10 +14,12 @@ from ssgi_cl.core.environment_samples import sample_environments, texels
 from ssgi_cl.core.lights import Environment, PointLight
 from ssgi_cl.core.sample_views import interleaved, sample_views
 from ssgi_cl.core.scene import Material, Scene
-from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.sampled_lights.sampled_lights import depth_map, sampled_lights_reference
 from ssgi_cl.techniques.sampled_lights.sampled_lights import SampledLights, SampledLightsParams, sampled_lights
+
+from ...closed_forms import made as scene_of
+from ..vpl.given import uploaded
 
 Doubles = NDArray[np.float64]
 
@@ -142,6 +144,16 @@ def test_every_kernel_variant_agrees_with_the_numpy_reference(
         assert 0.1 < (wanted.mean() / wanted.max()) < 0.9
 
 
+def _maps(runtime: Runtime, scene: Scene) -> tuple[NDArray[np.float32], Doubles]:
+    """Return [16, 61, 61] maps of 16 directions, and their matrices."""
+    device = uploaded(runtime, gi.rasterize.gbuffer(scene, _camera(), runtime=runtime))
+    technique = SampledLights(runtime, device.size, SampledLightsParams(directions=16, map_size=61))
+    with runtime.frame():
+        technique.run(device, [Environment(1.0)], scene=scene)
+    assert technique._maps is not None
+    return technique._maps.download().view(np.float32).reshape(16, 61, 61), technique._views
+
+
 def test_maps_have_the_depth_of_numpy_in_every_texel(
     runtime: Runtime, variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
@@ -150,24 +162,10 @@ def test_maps_have_the_depth_of_numpy_in_every_texel(
     size = rng.choice([0.02, 0.2, 1.0], (100, 1, 1))
     points = np.zeros((300, 3), np.float32)
     points[triangles] = middle + size * rng.uniform(-1.0, 1.0, (100, 3, 3))
-    scene = Scene(
-        positions=points,
-        normals=np.tile(np.float32([0, 1, 0]), (300, 1)),
-        uvs=np.zeros((300, 2), np.float32),
-        colors=np.ones((300, 3), np.float32),
-        triangles=triangles,
-        material_ids=np.zeros(100, np.int32),
-    )
+    scene = scene_of(points, triangles)
     for each in (runtime, variant_runtime):
-        device = DeviceGBuffer(each, _camera().size)
-        device.upload(gi.rasterize.gbuffer(scene, _camera(), runtime=each))
-        params = SampledLightsParams(directions=16, map_size=61)
-        technique = SampledLights(each, device.size, params)
-        with each.frame():
-            technique.run(device, [Environment(1.0)], scene=scene)
-        assert technique._maps is not None
-        maps = technique._maps.download().view(np.float32).reshape(16, 61, 61)
-        wanted = np.array([depth_map(scene, matrix, 61) for matrix in technique._views])
+        maps, views = _maps(each, scene)
+        wanted = np.array([depth_map(scene, matrix, 61) for matrix in views])
         seen = np.isfinite(wanted)
         assert 0.1 < seen.mean() < 0.9
         # An edge within a rounding of a texel's middle falls to either side.
@@ -212,8 +210,7 @@ def test_inside_out_changes_nothing(runtime: Runtime) -> None:
 def test_without_an_environment_nothing_is_drawn(runtime: Runtime) -> None:
     scene = _scene()
     gbuffer = gi.rasterize.gbuffer(scene, _camera(), runtime=runtime)
-    device = DeviceGBuffer(runtime, gbuffer.size)
-    device.upload(gbuffer)
+    device = uploaded(runtime, gbuffer)
     technique = SampledLights(runtime, gbuffer.size, SampledLightsParams(directions=16))
     with runtime.frame():
         for lights in ((), (PointLight((0, 1, 0), 1.0),), (Environment(0.0),)):
@@ -225,8 +222,7 @@ def test_without_an_environment_nothing_is_drawn(runtime: Runtime) -> None:
 
 def test_maps_are_kept_while_scene_and_environments_are_the_same(runtime: Runtime) -> None:
     scene, sky = _scene(), Environment(1.0)
-    device = DeviceGBuffer(runtime, _camera().size)
-    device.upload(gi.rasterize.gbuffer(scene, _camera(), runtime=runtime))
+    device = uploaded(runtime, gi.rasterize.gbuffer(scene, _camera(), runtime=runtime))
     technique = SampledLights(runtime, device.size, SampledLightsParams(directions=16, map_size=32))
 
     def drawn(scene: Scene, sky: Environment) -> bool:
@@ -243,7 +239,6 @@ def test_maps_are_kept_while_scene_and_environments_are_the_same(runtime: Runtim
 
 def test_holes_that_alpha_cuts_out_let_light_through(variant_runtime: Runtime) -> None:
     # A sheet above a floor, half of it cut out, is a sheet of half the size.
-    runtime = variant_runtime
     floor = np.array([[-2, 0, -2], [2, 0, -2], [2, 0, 2], [-2, 0, 2]], np.float32)
     texels = np.full((8, 8, 4), 255, np.uint8)
     texels[:, 4:, 3] = 0
@@ -259,12 +254,6 @@ def test_holes_that_alpha_cuts_out_let_light_through(variant_runtime: Runtime) -
             materials=(Material(), Material(texture=0, alpha_cutoff=0.5) if textures
                        else Material()),
         )  # fmt: skip
-        device = DeviceGBuffer(runtime, _camera().size)
-        device.upload(gi.rasterize.gbuffer(scene, _camera(), runtime=runtime))
-        technique = SampledLights(runtime, device.size, SampledLightsParams(directions=16, map_size=61))
-        with runtime.frame():
-            technique.run(device, [Environment(1.0)], scene=scene)
-        assert technique._maps is not None
-        maps.append(technique._maps.download().view(np.float32))
+        maps.append(_maps(variant_runtime, scene)[0])
     # Where the hole ends within a rounding of a texel's middle, it falls to either side.
     assert (~np.isclose(*maps, rtol=1e-3, atol=1e-4)).mean() < 2e-3

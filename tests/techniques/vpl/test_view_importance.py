@@ -26,14 +26,12 @@ from ssgi_cl.techniques.vpl.vpl_choice import ChosenVpls, choose_vpls
 from ssgi_cl.techniques.vpl.vpl_splat import VplSplat, VplSplatParams
 
 from ...closed_forms import quads
-from .test_vpl_tree import uploaded
+from .given import cornell_box, uploaded
 
 
 @pytest.mark.parametrize("overscan", [0.0, 0.1])
 def test_importance_agrees_with_the_reference(variant_runtime: Runtime, overscan: float) -> None:
-    made = BUILTIN_SCENES["cornell_box"]()
-    gbuffer = drawn(made.scene, made.camera(72, 54), layers=2, overscan=overscan, runtime=variant_runtime)
-    seen = rsm(made.scene, made.lights[0], size=100, runtime=variant_runtime)  # type: ignore[arg-type]
+    gbuffer, seen = cornell_box(variant_runtime, 72, 54, 100, layers=2, overscan=overscan)
     technique = MultiresSplat(variant_runtime, gbuffer.size, MultiresSplatParams(vpls=500, visibility=True, grid=32))
     device, map_ = uploaded(variant_runtime, gbuffer), on_device_rsm(seen, variant_runtime)
     technique.run(device, rsms=[map_])

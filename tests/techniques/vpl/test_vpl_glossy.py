@@ -15,7 +15,6 @@ from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.lights import DirectionalLight, Light, PointLight, SpotLight
 from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.core.vpls import Vpls
-from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.rsm import DeviceRsm, mirrored_axes, on_device_rsm
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import rsm
@@ -29,6 +28,7 @@ from ssgi_cl.techniques.vpl.vpl_splat import VplSplat, VplSplatParams, vpl_splat
 
 from ...closed_forms import quads
 from ..analytic import Plane, camera, scene, trace
+from .given import assert_second_run_allocates_nothing, uploaded
 
 ROUNDING = 2e-4
 """Relative to a pixel's irradiance and to a tenth of the mean: the 1000th power of a cosine that is
@@ -51,12 +51,6 @@ def lobes(rng: np.random.Generator, count: int = 100) -> Vpls:
         axis,
         10.0 ** rng.uniform(-0.5, 3.3, count),
     )
-
-
-def uploaded(runtime: Runtime, gbuffer: GBuffer) -> DeviceGBuffer:
-    device = DeviceGBuffer(runtime, gbuffer.size, layers=gbuffer.layers, margin=gbuffer.margin)
-    device.upload(gbuffer)
-    return device
 
 
 def mirrored_light(runtime: Runtime, gbuffer: GBuffer, vpls: Vpls, **params: Any) -> NDArray[np.float32]:
@@ -311,11 +305,7 @@ def test_second_call_allocates_and_builds_nothing_and_gives_bit_identical_result
     device, maps = uploaded(runtime, gbuffer), [on_device_rsm(seen, runtime)]
     params = VplSplatParams(vpls=64, glossy_vpls=128, cutoff=0.5, interleave=interleave)
     technique = VplSplat(runtime, gbuffer.size, params)
-    first = technique.run(device, rsms=maps).download()
-    before = runtime.allocated_bytes, runtime.builds
-    second = technique.run(device, rsms=maps).download()
-    assert (runtime.allocated_bytes, runtime.builds) == before
-    np.testing.assert_array_equal(first, second)
+    assert_second_run_allocates_nothing(runtime, lambda: technique.run(device, rsms=maps))
 
 
 def test_a_scene_without_gloss_skips_lobes(runtime: Runtime) -> None:

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.lights import SpotLight
 from ssgi_cl.core.vpls import Vpls
-from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.rsm import on_device_rsm
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import gbuffer as drawn
@@ -30,12 +29,16 @@ from ssgi_cl.truth import one_bounce
 
 from ...closed_forms import quads
 from ..analytic import CAMERAS, Plane, camera, scene, trace
+from .given import assert_second_run_allocates_nothing, assert_what_does_not_fit_is_refused, cornell_box, uploaded
 
 ROUNDING = 1e-4
 """Relative to a pixel's irradiance and to a hundredth of the mean."""
 GRAZED = 1e-3
 """Share of values that may be further off: where the only bright lights graze a surface, their sine
 is a difference of float32 positions."""
+
+
+INTERLEAVED: dict[str, Any] = {"cutoff": 0.0, "interleave": True, "blur_radius": 0, "grid": 64}
 
 
 def lights(rng: np.random.Generator, count: int = 100, *, scale: float = 1.0) -> Vpls:
@@ -47,12 +50,6 @@ def lights(rng: np.random.Generator, count: int = 100, *, scale: float = 1.0) ->
         rng.random((count, 3)) * 10.0 ** rng.uniform(-4, 4, (count, 1)),
         scale**2 * 10.0 ** rng.uniform(-4, -1, count),
     )
-
-
-def uploaded(runtime: Runtime, gbuffer: GBuffer) -> DeviceGBuffer:
-    device = DeviceGBuffer(runtime, gbuffer.size, layers=gbuffer.layers, margin=gbuffer.margin)
-    device.upload(gbuffer)
-    return device
 
 
 def irradiance(runtime: Runtime, gbuffer: GBuffer, vpls: Vpls, **params: Any) -> NDArray[np.float32]:
@@ -132,11 +129,7 @@ def test_every_kernel_variant_gives_the_same_result(
 
 
 def test_all_texels_sum_up_as_in_float64(runtime: Runtime) -> None:
-    made = BUILTIN_SCENES["cornell_box"]()
-    gbuffer = drawn(made.scene, made.camera(32, 24), runtime=runtime)
-    spot = made.lights[0]
-    assert isinstance(spot, SpotLight)
-    seen = rsm(made.scene, spot, size=64, runtime=runtime)
+    gbuffer, seen = cornell_box(runtime, 32, 24, 64)
     vpls = choose_vpls(seen, 64 * 64, runtime=runtime)
     assert len(vpls) > 2048  # more than one batch
     e = vpl_splat(gbuffer, seen, 64 * 64, 0.0, runtime=runtime)
@@ -304,9 +297,7 @@ def test_scene_far_from_the_origin_looks_as_at_the_origin(runtime: Runtime) -> N
 
 
 def test_what_the_cut_leaves_out_is_told_and_can_be_put_back(runtime: Runtime) -> None:
-    made = BUILTIN_SCENES["cornell_box"]()
-    gbuffer = drawn(made.scene, made.camera(80, 60), runtime=runtime)
-    seen = rsm(made.scene, made.lights[0], size=128, runtime=runtime)  # type: ignore[arg-type]
+    gbuffer, seen = cornell_box(runtime, 80, 60, 128)
     vpls = choose_vpls(seen, 1024, runtime=runtime)
     whole = irradiance(runtime, gbuffer, vpls, cutoff=0.0).mean()
     params = {"cutoff": 0.05, "unit_distance": 0.1}
@@ -331,9 +322,7 @@ def test_without_a_cut_nothing_is_lost(runtime: Runtime, rng: np.random.Generato
 
 
 def test_close_lights_are_the_lights_that_they_are_made_of(variant_runtime: Runtime) -> None:
-    made = BUILTIN_SCENES["cornell_box"]()
-    gbuffer = drawn(made.scene, made.camera(40, 30), runtime=variant_runtime)
-    seen = rsm(made.scene, made.lights[0], size=64, runtime=variant_runtime)  # type: ignore[arg-type]
+    gbuffer, seen = cornell_box(variant_runtime, 40, 30, 64)
     vpls = choose_vpls(seen, 1, parts=True, runtime=variant_runtime)
     assert vpls.parts is not None
     assert len(vpls.parts) == 16
@@ -344,9 +333,7 @@ def test_close_lights_are_the_lights_that_they_are_made_of(variant_runtime: Runt
 
 
 def test_parts_bring_lights_closer_to_all_texels(runtime: Runtime) -> None:
-    made = BUILTIN_SCENES["cornell_box"]()
-    gbuffer = drawn(made.scene, made.camera(160, 120), runtime=runtime)
-    seen = rsm(made.scene, made.lights[0], size=256, runtime=runtime)  # type: ignore[arg-type]
+    gbuffer, seen = cornell_box(runtime, 160, 120, 256)
     every = vpl_splat(gbuffer, seen, 1 << 16, 0.0, runtime=runtime)
     found = [vpl_splat(gbuffer, seen, n, 0.0, refine=r, runtime=runtime) for n, r in ((1024, 4.0), (1024, 0.0))]
     rmse = [math.sqrt(np.mean((e - every) ** 2)) for e in found]
@@ -355,34 +342,26 @@ def test_parts_bring_lights_closer_to_all_texels(runtime: Runtime) -> None:
 
 
 def test_interleaved_pixels_take_parts_of_all_lights_near_by(variant_runtime: Runtime) -> None:
-    made = BUILTIN_SCENES["cornell_box"]()
-    gbuffer = drawn(made.scene, made.camera(32, 24), runtime=variant_runtime)
-    seen = rsm(made.scene, made.lights[0], size=64, runtime=variant_runtime)  # type: ignore[arg-type]
+    gbuffer, seen = cornell_box(variant_runtime, 32, 24, 64)
     vpls = choose_vpls(seen, 40, parts=True, runtime=variant_runtime)
-    params = {"cutoff": 0.0, "interleave": True, "blur_radius": 0, "grid": 64}
-    e = irradiance(variant_runtime, gbuffer, vpls, **params)
-    assert_close(e, vpl_splat_reference(gbuffer, vpls, VplSplatParams(vpls=40, **params)))
-    whole = irradiance(variant_runtime, gbuffer, vpls, refine=0.0, **params)
-    every = irradiance(variant_runtime, gbuffer, vpls.parts, **{**params, "interleave": False})
+    e = irradiance(variant_runtime, gbuffer, vpls, **INTERLEAVED)
+    assert_close(e, vpl_splat_reference(gbuffer, vpls, VplSplatParams(vpls=40, **INTERLEAVED)))
+    whole = irradiance(variant_runtime, gbuffer, vpls, refine=0.0, **INTERLEAVED)
+    every = irradiance(variant_runtime, gbuffer, vpls.parts, **{**INTERLEAVED, "interleave": False})
     off, whole_off = (math.sqrt(np.mean((x - every) ** 2)) for x in (e, whole))
     # Measured: 0.80 times, before the blur.
     assert off < 0.9 * whole_off
 
 
 def test_more_lights_near_by_than_there_is_room_for_stay_whole(runtime: Runtime) -> None:
-    made = BUILTIN_SCENES["cornell_box"]()
-    gbuffer = drawn(made.scene, made.camera(20, 15), runtime=runtime)
-    seen = rsm(made.scene, made.lights[0], size=64, runtime=runtime)  # type: ignore[arg-type]
+    gbuffer, seen = cornell_box(runtime, 20, 15, 64)
     vpls = choose_vpls(seen, NEAR_CAPACITY + 100, parts=True, runtime=runtime)
-    params = {"cutoff": 0.0, "interleave": True, "blur_radius": 0, "grid": 64}
-    whole, refined = (irradiance(runtime, gbuffer, vpls, refine=r, **params) for r in (0.0, 1e6))
+    whole, refined = (irradiance(runtime, gbuffer, vpls, refine=r, **INTERLEAVED) for r in (0.0, 1e6))
     np.testing.assert_array_equal(refined, whole)
 
 
 def test_a_full_list_keeps_lights_whole(runtime: Runtime) -> None:
-    made = BUILTIN_SCENES["cornell_box"]()
-    gbuffer = drawn(made.scene, made.camera(40, 30), runtime=runtime)
-    seen = rsm(made.scene, made.lights[0], size=64, runtime=runtime)  # type: ignore[arg-type]
+    gbuffer, seen = cornell_box(runtime, 40, 30, 64)
     whole, refined = (vpl_splat(gbuffer, seen, 128, 0.0, refine=r, runtime=runtime) for r in (0.0, 1e6))
     # Room for 256 of 2048 parts, whose flux is the lights'.
     assert refined.mean() == pytest.approx(whole.mean(), rel=0.05)
@@ -392,9 +371,7 @@ def test_a_full_list_keeps_lights_whole(runtime: Runtime) -> None:
 
 
 def test_interleaved_lights_are_close_to_all_of_them(runtime: Runtime) -> None:
-    made = BUILTIN_SCENES["cornell_box"]()
-    gbuffer = drawn(made.scene, made.camera(160, 120), runtime=runtime)
-    seen = rsm(made.scene, made.lights[0], size=256, runtime=runtime)  # type: ignore[arg-type]
+    gbuffer, seen = cornell_box(runtime, 160, 120, 256)
     all_of_them = vpl_splat(gbuffer, seen, 4096, 0.0, runtime=runtime)
     some = vpl_splat(gbuffer, seen, 4096, 0.0, interleave=True, runtime=runtime)
     rough = vpl_splat(gbuffer, seen, 4096, 0.0, interleave=True, blur_radius=0, runtime=runtime)
@@ -408,9 +385,7 @@ def test_interleaved_lights_are_close_to_all_of_them(runtime: Runtime) -> None:
 
 
 def capacity(runtime: Runtime, size: tuple[int, int] = (48, 64)) -> tuple[GBuffer, Any, Vpls]:
-    made = BUILTIN_SCENES["cornell_box"]()
-    gbuffer = drawn(made.scene, made.camera(size[1], size[0]), layers=3, overscan=0.125, runtime=runtime)
-    seen = rsm(made.scene, made.lights[0], size=64, runtime=runtime)  # type: ignore[arg-type]
+    gbuffer, seen = cornell_box(runtime, size[1], size[0], 64, layers=3, overscan=0.125)
     return gbuffer, seen, choose_vpls(seen, 512, runtime=runtime)
 
 
@@ -467,6 +442,14 @@ def parted_floor(
     return gbuffer, Vpls(position, np.tile([1.0, 0.0, 0.0], (256, 1)), np.ones((256, 3)), np.full(256, 0.01))
 
 
+def beyond_wall(gbuffer: GBuffer) -> NDArray[np.bool_]:
+    """Return which pixels show the floor on the right of that wall."""
+    seen, point, _ = receivers(replace(gbuffer, normal=np.ones((*gbuffer.size, 3))))
+    x, z = np.full((2, *seen.shape), np.nan)
+    x[seen], z[seen] = point[:, 0], point[:, 2]
+    return np.asarray((x > 0.2) & (x < 0.9) & (abs(z) < 0.4))
+
+
 @pytest.mark.parametrize(
     ("height", "eye", "grid", "most"),
     [
@@ -482,12 +465,9 @@ def test_a_wall_blocks_light_and_open_space_does_not(
     variant_runtime: Runtime, height: float, eye: tuple[float, float, float], grid: int, most: float
 ) -> None:
     gbuffer, vpls = parted_floor(variant_runtime, height, eye)
-    params = {"cutoff": 0.0, "interleave": True, "blur_radius": 0, "grid": grid}
+    params = {**INTERLEAVED, "grid": grid}
     free, tested = (irradiance(variant_runtime, gbuffer, vpls, visibility=v, **params) for v in (False, True))
-    seen, point, _ = receivers(replace(gbuffer, normal=np.ones((160, 200, 3))))
-    x, z = np.full((2, *seen.shape), np.nan)
-    x[seen], z[seen] = point[:, 0], point[:, 2]
-    beyond = (x > 0.2) & (x < 0.9) & (abs(z) < 0.4)
+    beyond = beyond_wall(gbuffer)
     assert free[beyond].mean() > 0.1
     if height > 0.0:
         assert tested[beyond].mean() < most * free[beyond].mean()
@@ -502,14 +482,11 @@ def test_a_wall_blocks_the_parts_of_near_lights(variant_runtime: Runtime) -> Non
     each = np.repeat(np.arange(32), 16)
     parts = Vpls(whole.position[each], whole.normal[each], whole.flux[each] / 16.0, np.full(512, 1.0 / 16.0))
     lights = replace(whole, parts=parts)
-    params = {"cutoff": 0.0, "interleave": True, "blur_radius": 0, "grid": 64, "refine": 100.0}
+    params = {**INTERLEAVED, "refine": 100.0}
     free, tested = (irradiance(variant_runtime, gbuffer, lights, visibility=v, **params) for v in (False, True))
     # The whole lights alone would give another result: parts are smaller.
     assert not np.allclose(free, irradiance(variant_runtime, gbuffer, whole, **params), rtol=0.01)
-    seen, point, _ = receivers(replace(gbuffer, normal=np.ones((160, 200, 3))))
-    x, z = np.full((2, *seen.shape), np.nan)
-    x[seen], z[seen] = point[:, 0], point[:, 2]
-    beyond = (x > 0.2) & (x < 0.9) & (abs(z) < 0.4)
+    beyond = beyond_wall(gbuffer)
     assert free[beyond].mean() > 0.01
     assert tested[beyond].mean() < 0.02 * free[beyond].mean()
 
@@ -553,43 +530,26 @@ def test_several_maps_add_up(runtime: Runtime) -> None:
     np.testing.assert_allclose(both, apart[0] + apart[1], rtol=1e-5)
 
 
-# ---- against the world
+# ---- against path tracing
+
+
+def mean_irradiance(runtime: Runtime, map_size: int, count: int) -> float:
+    """Return that of an image of the Cornell box."""
+    return float(vpl_splat(*cornell_box(runtime, 80, 60, map_size), count, 0.0, runtime=runtime).mean())
 
 
 @pytest.mark.slow
 def test_the_cornell_box_has_the_bounce_that_paths_through_walls_have(runtime: Runtime) -> None:
     pytest.importorskip("mitsuba")
     made = BUILTIN_SCENES["cornell_box"]()
-    view = made.camera(80, 60)
-    gbuffer = drawn(made.scene, view, runtime=runtime)
-    world = one_bounce(made.scene, view, made.lights, 256, visibility=False)
-    means = [
-        vpl_splat(
-            gbuffer,
-            rsm(made.scene, made.lights[0], size=size, runtime=runtime),  # type: ignore[arg-type]
-            count,
-            0.0,
-            runtime=runtime,
-        ).mean()
-        for size, count in ((256, 4096), (512, 4096), (512, 16384))
-    ]
+    world = one_bounce(made.scene, made.camera(80, 60), made.lights, 256, visibility=False)
+    means = [mean_irradiance(runtime, size, count) for size, count in ((256, 4096), (512, 4096), (512, 16384))]
     np.testing.assert_allclose(means, world.mean.mean(), rtol=0.02)
 
 
 @pytest.mark.parametrize("sizes", [(128, 256, 512), pytest.param((256, 512, 1024), marks=pytest.mark.slow)], ids=str)
 def test_irradiance_does_not_depend_on_the_map_s_size(runtime: Runtime, sizes: tuple[int, ...]) -> None:
-    made = BUILTIN_SCENES["cornell_box"]()
-    gbuffer = drawn(made.scene, made.camera(80, 60), runtime=runtime)
-    means = [
-        vpl_splat(
-            gbuffer,
-            rsm(made.scene, made.lights[0], size=size, runtime=runtime),  # type: ignore[arg-type]
-            4096,
-            0.0,
-            runtime=runtime,
-        ).mean()
-        for size in sizes
-    ]
+    means = [mean_irradiance(runtime, size, 4096) for size in sizes]
     np.testing.assert_allclose(means, means[-1], rtol=0.01)
 
 
@@ -643,11 +603,7 @@ def test_second_call_allocates_and_builds_nothing_and_gives_bit_identical_result
     params = VplSplatParams(vpls=512, cutoff=0.5, restore=True, interleave=visibility, visibility=visibility)
     technique = VplSplat(variant_runtime, gbuffer.size, params)
     given = vpls if given_lights else None
-    first = technique.run(device, given, rsms=maps).download()
-    before = variant_runtime.allocated_bytes, variant_runtime.builds
-    second = technique.run(device, given, rsms=maps).download()
-    assert (variant_runtime.allocated_bytes, variant_runtime.builds) == before
-    np.testing.assert_array_equal(first, second)
+    assert_second_run_allocates_nothing(variant_runtime, lambda: technique.run(device, given, rsms=maps))
 
 
 def test_fewer_lights_than_prepared_for_leave_no_trace_of_the_others(
@@ -693,12 +649,7 @@ def test_bad_parameter_is_refused_with_its_name_value_and_range(
 
 def test_other_sizes_and_too_many_lights_are_refused(runtime: Runtime, rng: np.random.Generator) -> None:
     technique = VplSplat(runtime, (8, 8), VplSplatParams(vpls=10))
-    with pytest.raises(ValueError, match=r"size is \(9, 9\): expected \(8, 8\)"):
-        technique.run(uploaded(runtime, facing_wall()), lights(rng, 5))
-    with pytest.raises(ValueError, match=r"vpls has 11 lights: expected at most 10"):
-        technique.run(uploaded(runtime, facing_wall((8, 8))), lights(rng, 11))
-    with pytest.raises(ValueError, match=r"the device G-buffer is empty"):
-        technique.run(DeviceGBuffer(runtime, (8, 8)), lights(rng, 5))
+    assert_what_does_not_fit_is_refused(runtime, technique, lights(rng, 11))
 
 
 def test_something_else_than_a_map_is_refused(runtime: Runtime) -> None:

@@ -15,19 +15,15 @@ from numpy.typing import NDArray
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.vpls import Vpls
 from ssgi_cl.device.arrays import DeviceArray
-from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.rasterize import gbuffer as drawn
-from ssgi_cl.rasterize import rsm
-from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.reference.vpl.vpl_splat import receivers, vpl_splat_reference
 from ssgi_cl.reference.vpl.vpl_tree import VplTreeReference, group_of
 from ssgi_cl.techniques.vpl.packed_vpls import DeviceVpls
-from ssgi_cl.techniques.vpl.vpl_choice import choose_vpls
 from ssgi_cl.techniques.vpl.vpl_splat import VplSplatParams
 from ssgi_cl.techniques.vpl.vpl_tree import GROUP, VplTree
 
 from ..analytic import CAMERAS, camera, scene
+from .given import lit_scene, uploaded
 
 SHARE = 0.25
 """Of what is computed, which is added to what is there."""
@@ -45,12 +41,6 @@ def lights(rng: np.random.Generator, count: int = 300) -> Vpls:
         rng.uniform(0.5, 1.0, (count, 3)),
         rng.uniform(1e-3, 1e-2, count),
     )
-
-
-def uploaded(runtime: Runtime, gbuffer: GBuffer) -> DeviceGBuffer:
-    device = DeviceGBuffer(runtime, gbuffer.size, layers=gbuffer.layers, margin=gbuffer.margin)
-    device.upload(gbuffer)
-    return device
 
 
 def every_pixel(runtime: Runtime, seen: NDArray[np.bool_]) -> DeviceArray:
@@ -261,11 +251,7 @@ def test_several_batches_add_up(runtime: Runtime, rng: np.random.Generator) -> N
 
 @pytest.mark.parametrize("name", [pytest.param("hall", marks=pytest.mark.slow), "cornell_box"])
 def test_few_lights_stand_for_many_at_a_known_error(runtime: Runtime, name: str) -> None:
-    made = BUILTIN_SCENES[name]()
-    gbuffer = drawn(made.scene, made.camera(160, 120), runtime=runtime)
-    punctual_lights = [light for light in made.lights if type(light).__name__ != "Environment"]
-    maps = [rsm(made.scene, punctual_light, size=256, runtime=runtime) for punctual_light in punctual_lights]  # type: ignore[arg-type]
-    vpls = choose_vpls(maps, 1024, runtime=runtime)
+    gbuffer, vpls = lit_scene(runtime, name, 160, 120)
     exact = Lit(runtime, gbuffer, vpls, 0.0)
     mean = exact.irradiance[exact.seen].mean()
     groups = -(-int(exact.seen.sum()) // GROUP)

@@ -1,24 +1,23 @@
 // SPDX-License-Identifier: MIT
-// vpl_voxelize: marks the cells of the grid that the triangles of a scene occupy.
+// occupancy_voxelize: marks the cells of the grid that the triangles of a scene occupy.
 //
-// Method:  6-separating voxelization (Laine 2013, "A Topological Approach to Voxelization"): a cell
-// is
-//          occupied if a triangle meets one of the three axis-parallel segments of a cell's length
-//          through its centre. So a ray that visits every cell that it crosses passes no surface,
-//          surfaces are as thin as that allows, and what is narrower than a cell occupies cells in
-//          proportion to its width, not all that it touches. For each axis the triangle is drawn at
-//          the centres of the columns of cells along it. Most triangles of a fine mesh lie between
-//          all of these; a triangle a lane, they are found first.
+// Method:  6-separating voxelization (Laine 2013, "A Topological Approach to Voxelization"): a
+//          cell is occupied if a triangle meets one of the three axis-parallel segments of a cell's
+//          length through its centre. So a ray that visits every cell that it crosses passes no
+//          surface, surfaces are as thin as that allows, and what is narrower than a cell occupies
+//          cells in proportion to its width, not all that it touches. For each axis the triangle is
+//          drawn at the centres of the columns of cells along it. Most triangles of a fine mesh lie
+//          between all of these; a triangle a lane, they are found first.
 // Reads:   faces      [size.x triangles][RASTER_FACE], vertices [count][RASTER_VERTEX] quads: scene
 //                     units, relative to the scene's origin
 //          uvs        2 x [size.y vertices, rounded up to 16]; cutouts, materials, textures,
-//          texels, decode: of
-//                     triangles with holes; see raster_tiles (VOXEL_CUTOUT 1)
-//          grid_box   see vpl/grid.clh
-// Writes:  occupancy  VPL_GRID^3 bits, to which 1s are added
-// Macros:  VPL_GRID, VOXEL_CUTOUT (0, 1: some triangles have holes, cut out by their texture's
-// alpha) Params:  from positions to view space in lengths of params.per_unit Launch:  a work-item
-// for SSGI_LANES triangles and each slice, which takes every so-many-th row of
+//                     texels, decode: of triangles with holes; see raster_tiles (VOXEL_CUTOUT 1)
+//          grid_box   see occupancy/grid.clh
+// Writes:  occupancy  OCCUPANCY_CELLS^3 bits, to which 1s are added
+// Macros:  OCCUPANCY_CELLS, VOXEL_CUTOUT (0, 1: some triangles have holes, cut out by their
+//          texture's alpha)
+// Params:  from positions to view space in the lengths that grid_box counts in
+// Launch:  a work-item for SSGI_LANES triangles and each slice, which takes every so-many-th row of
 //          columns
 // Cost:    12 reads per triangle, and an atomic operation per cell that was empty
 
@@ -26,10 +25,10 @@
 #include "raster/quads.clh"
 #include "raster/records.clh"
 #include "raster/texture.clh"
-#include "vpl/grid.clh"
+#include "occupancy/grid.clh"
 
-#if !defined(VPL_GRID) || !defined(VOXEL_CUTOUT)
-#error "VPL_GRID and VOXEL_CUTOUT must be defined"
+#ifndef VOXEL_CUTOUT
+#error "VOXEL_CUTOUT must be defined"
 #endif
 
 #define VOXEL_EDGE 1e-3f  // cells by which triangles are wider, so that rounding leaves no gap
@@ -46,26 +45,21 @@ typedef struct {
 // Corners of the triangles of the lanes, which are vertices number `vertex`.
 static inline VoxelCorners voxel_corners(__global const float *restrict vertices, const vint vertex,
                                          __global const float *restrict grid_box,
-                                         const VplTurn turn)
+                                         const ToViewParams turn)
 {
     const RasterQuad from = raster_quad(vertices, vertex * RASTER_VERTEX, false);
     const vfloat x = v_from_bits(from.x), y = v_from_bits(from.y), z = v_from_bits(from.z);
-    VoxelCorners corners;
-    corners.at[0] =
-        (v_fma(v_splat(turn.xx), x,
-               v_fma(v_splat(turn.xy), y, v_fma(v_splat(turn.xz), z, v_splat(turn.x)))) -
-         grid_box[0]) *
-        grid_box[3];
-    corners.at[1] =
-        (v_fma(v_splat(turn.yx), x,
-               v_fma(v_splat(turn.yy), y, v_fma(v_splat(turn.yz), z, v_splat(turn.y)))) -
-         grid_box[1]) *
-        grid_box[3];
-    corners.at[2] =
-        (v_fma(v_splat(turn.zx), x,
-               v_fma(v_splat(turn.zy), y, v_fma(v_splat(turn.zz), z, v_splat(turn.z)))) -
-         grid_box[2]) *
-        grid_box[3];
+    const vfloat view[3] = {
+        v_fma(v_splat(turn.xx), x,
+              v_fma(v_splat(turn.xy), y, v_fma(v_splat(turn.xz), z, v_splat(turn.x)))),
+        v_fma(v_splat(turn.yx), x,
+              v_fma(v_splat(turn.yy), y, v_fma(v_splat(turn.yz), z, v_splat(turn.y)))),
+        v_fma(v_splat(turn.zx), x,
+              v_fma(v_splat(turn.zy), y, v_fma(v_splat(turn.zz), z, v_splat(turn.z)))),
+    };
+    const VoxelCorners corners = {{(view[0] - grid_box[0]) * grid_box[3],
+                                   (view[1] - grid_box[1]) * grid_box[3],
+                                   (view[2] - grid_box[2]) * grid_box[3]}};
     return corners;
 }
 
@@ -90,7 +84,7 @@ static inline VoxelCorner voxel_lane(const VoxelKept *kept, const int lane)
 // Whether the box of a lane's triangle holds the centre of a column of cells along each axis: bits.
 static inline vint voxel_met(const VoxelCorners *a, const VoxelCorners *b, const VoxelCorners *c)
 {
-    const float most = (float)VPL_GRID;
+    const float most = (float)OCCUPANCY_CELLS;
     vmask centre[3], inside[3];
     for (int k = 0; k < 3; ++k) {
         const vfloat low = v_min(v_min(a->at[k], b->at[k]), c->at[k]);
@@ -130,7 +124,7 @@ voxel_mark(const VoxelCorner a, const VoxelCorner b, const VoxelCorner c, const 
         const float bu = b.at[iu], bv = b.at[iv], bw = b.at[axis];
         const float cu = c.at[iu], cv = c.at[iv], cw = c.at[axis];
         // Columns have their centres at whole cells and a half.
-        const float most = (float)VPL_GRID;
+        const float most = (float)OCCUPANCY_CELLS;
         const float low_u = clamp(min(min(au, bu), cu) - VOXEL_EDGE, 0.0f, most);
         const float low_v = clamp(min(min(av, bv), cv) - VOXEL_EDGE, 0.0f, most);
         const float high_u = clamp(max(max(au, bu), cu) + VOXEL_EDGE, 0.0f, most);
@@ -181,29 +175,29 @@ voxel_mark(const VoxelCorner a, const VoxelCorner b, const VoxelCorner c, const 
                 }
 #endif
                 const vfloat vv = v_splat(v);
-                vpl_mark(occupancy,
-                         axis == 0   ? w
-                         : axis == 1 ? vv
-                                     : u,
-                         axis == 0   ? u
-                         : axis == 1 ? w
-                                     : vv,
-                         axis == 0   ? vv
-                         : axis == 1 ? u
-                                     : w,
-                         hit);
+                occupancy_mark(occupancy,
+                               axis == 0   ? w
+                               : axis == 1 ? vv
+                                           : u,
+                               axis == 0   ? u
+                               : axis == 1 ? w
+                                           : vv,
+                               axis == 0   ? vv
+                               : axis == 1 ? u
+                                           : w,
+                               hit);
             }
         }
     }
 }
 
 __kernel void
-vpl_voxelize(__global const int *restrict faces, __global const float *restrict vertices,
-             __global const float *restrict uvs, __global const int *restrict cutouts,
-             __global const float *restrict materials, __global const int *restrict textures,
-             __global const int *restrict texels, __global const float *restrict decode,
-             __global const float *restrict grid_box, __global int *restrict occupancy,
-             const int2 size, const VplTurn turn)
+occupancy_voxelize(__global const int *restrict faces, __global const float *restrict vertices,
+                   __global const float *restrict uvs, __global const int *restrict cutouts,
+                   __global const float *restrict materials, __global const int *restrict textures,
+                   __global const int *restrict texels, __global const float *restrict decode,
+                   __global const float *restrict grid_box, __global int *restrict occupancy,
+                   const int2 size, const ToViewParams turn)
 {
     const int first = (int)get_global_id(0) * SSGI_LANES;
     const int slice = (int)get_global_id(1);

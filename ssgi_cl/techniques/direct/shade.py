@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core import checks
-from ssgi_cl.core.environment_samples import MOST_TEXELS, resized
+from ssgi_cl.core.environment_samples import BRIGHTEST, summed
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.lights import Environment, Light, are_same, environments_of
 from ssgi_cl.core.params import Params, Prepared, param
@@ -19,7 +19,7 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, floats, rotation_values
 from ssgi_cl.techniques.direct.ambient import Ambient
-from ssgi_cl.techniques.direct.light_data import BRIGHTEST, PunctualLights, ShadowMap
+from ssgi_cl.techniques.direct.light_data import PunctualLights, ShadowMap
 from ssgi_cl.techniques.direct.shadow_maps import checked_lights, uploaded_maps
 from ssgi_cl.techniques.technique import Bench, Technique
 
@@ -286,22 +286,8 @@ def _same_size(name: str, shape: tuple[int, ...], size: Size) -> None:
 
 def sky_image(environments: Sequence[Environment]) -> NDArray[np.float32]:
     """Return [rows, columns, 3]: the sum of the environments, one texel if all are constant."""
-    images = [
-        np.atleast_3d(np.asarray(e.radiance).reshape(1, 1, 3))
-        if np.asarray(e.radiance).ndim == 1
-        else np.asarray(e.radiance)
-        for e in environments
-    ]
-    rows = max((image.shape[0] for image in images), default=1)
-    columns = max((image.shape[1] for image in images), default=1)
-    if len(images) > 1 and rows * columns > MOST_TEXELS:
-        images = [resized(image) for image in images]
-        rows, columns = (max(image.shape[axis] for image in images) for axis in (0, 1))
-    sky = np.zeros((rows, columns, 3))
-    for image in images:
-        row = np.arange(rows) * image.shape[0] // rows
-        column = np.arange(columns) * image.shape[1] // columns
-        sky += image[row[:, None], column[None, :]]
+    radiance = [np.asarray(environment.radiance) for environment in environments]
+    sky = summed([each.reshape(1, 1, 3) if each.ndim == 1 else each for each in radiance])
     return np.minimum(sky, BRIGHTEST).astype(np.float32)
 
 

@@ -61,7 +61,7 @@ class HbaoKeywords(SliceKeywords, total=False):
 
 
 class Hbao(SliceTechnique[HbaoParams]):
-    """HBAO, prepared for images of one size; see `SliceTechnique` for the arguments.
+    """HBAO, prepared for images of one size; see `OcclusionTechnique` for the arguments.
 
     Bavoil and Sainz 2008. Departs: see `hbao`.
     """

@@ -1,4 +1,4 @@
-"""What techniques of ambient occlusion share: reduce, occlude, blur, bring back to full size."""
+"""Base of the ambient occlusion techniques: reduce, occlude, blur, upsample to full size."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from ssgi_cl.techniques.source import Source
 
 RESOLUTIONS = {"full": 1, "half": 2, "quarter": 4}
 BLUR_DEPTH_SIGMA = 0.002
-"""Of the blur, a pixel of the result: so little off their plane, reliefs a few pixels wide stay."""
+"""Of the blur, per pixel of the result: small enough to keep reliefs a few pixels wide."""
 BLUR_RESOLUTIONS = ("own", "full")
 """Size at which the blur works: that at which occlusion is computed, or the full one."""
 
@@ -53,7 +53,7 @@ class OcclusionParams(Params):
 
     @property
     def blur(self) -> BilateralParams:
-        """What A is blurred with."""
+        """Parameters of the blur of A."""
         step = RESOLUTIONS[self.resolution] if self.blur_resolution == "own" else 1
         return BilateralParams(radius=self.blur_radius, passes=self.blur_passes, depth_sigma=BLUR_DEPTH_SIGMA * step)
 
@@ -108,6 +108,11 @@ class OcclusionTechnique(Prepared[Any], ABC):
         last = step == 1 and not self._blur.active
         self._visibility = Target(runtime, channels, coarse, 1.0, kept=last)
         runtime.transient.reserve(2 * plane_bytes(channels, coarse))
+        self._prepare()
+
+    @abstractmethod
+    def _prepare(self) -> None:
+        """Compile the kernels, and allocate what they read beside the G-buffer."""
 
     def run(self, gbuffer: DeviceGBuffer) -> Plane:
         """Queue the passes; return the plane of A, and of what else the technique finds.
@@ -151,13 +156,3 @@ class OcclusionTechnique(Prepared[Any], ABC):
 
         Only pixels in `region` are needed.
         """
-
-    def _margins(self, source: Source) -> dict[str, int]:
-        """Return how far `source` exceeds what `_occlude` writes on each side, for a struct."""
-        rows, columns = self._visibility.size
-        return {
-            "margin_left": source.margin[1],
-            "margin_right": source.whole[1] - columns - source.margin[1],
-            "margin_top": source.margin[0],
-            "margin_bottom": source.whole[0] - rows - source.margin[0],
-        }

@@ -1,4 +1,4 @@
-"""What HBAO, GTAO and the visibility bitmask share: a scan of the depth in slices round a pixel."""
+"""Scan of the depth in slices round a pixel: base of HBAO, GTAO and the visibility bitmask."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ssgi_cl.core.params import Prepared, param
 from ssgi_cl.core.sampling import TILE_ORDER
 from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size, plane_bytes
-from ssgi_cl.device.constants import SLICES_GROUP, SLICES_LEAST_N_DOT_V, SLICES_NEAREST_TAP, SLICES_STRIP
+from ssgi_cl.device.constants import SLICES_GROUP, SLICES_STRIP
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.runtime import Runtime
@@ -24,7 +24,7 @@ from ssgi_cl.device.transient import ImageParts, Target
 from ssgi_cl.techniques.ao.occlusion import RESOLUTIONS, OcclusionKeywords, OcclusionParams, OcclusionTechnique
 from ssgi_cl.techniques.filters.upsample import coarse_size
 from ssgi_cl.techniques.presets.choose import params_for
-from ssgi_cl.techniques.source import Source
+from ssgi_cl.techniques.source import Source, border_values
 
 SLICES = Struct(
     "SliceParams",
@@ -36,17 +36,8 @@ SLICES = Struct(
     ),
 )
 
-GROUP = SLICES_GROUP
-
-STRIP = SLICES_STRIP
-
-SIMILAR = 0.4
-"""Those whose 1 / depth is at least this part of the nearest's share its slices."""
-
 TILE = 4
 """Rows and columns after which the pattern of slices repeats; the blur is made for it."""
-
-NEAREST_TAP = SLICES_NEAREST_TAP
 
 DEPTH_BIAS = 4e-6
 """Bias relative to the distance from the eye: some roundings of a float32 position (2^-24 each)."""
@@ -61,13 +52,6 @@ TUNABLE: Mapping[str, Sequence[Any]] = {"slices": [1, 2, 3, 4, 8], "resolution":
 """Parameters by which presets differ."""
 PRESET_LAYERS = (1, 2, 4)
 """Numbers of depth layers that presets are recorded for."""
-
-LEAST_N_DOT_V = SLICES_LEAST_N_DOT_V
-"""Cosine between normal and view ray that a grazing or averted normal is taken to have.
-
-Angles are measured from the tangent plane, in parts of this cosine: where it is smaller, that a tap
-lies at a whole pixel beside its slice counts more than what it shows, and pixels at silhouettes
-turn black. Planes stay open at any tilt: nothing of them is above them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,12 +76,12 @@ class SliceParams(OcclusionParams):
     contrast: float = param(1.0, "exponent of A before the blur", low=0.1, high=10.0)
 
     def in_front_of(self, layers: int) -> Self:
-        """Return them as the first of so many depth layers is read."""
+        """Return the parameters with which the first of so many depth layers is read."""
         return self
 
     @property
     def overshoot(self) -> float:
-        """By how many taps the taps are moved away from the receiver."""
+        """Shift of the taps away from the receiver, in distances between taps."""
         return 0.0
 
 
@@ -111,7 +95,7 @@ class SliceKeywords(OcclusionKeywords, total=False):
 
 @dataclass(frozen=True, eq=False)
 class Pattern:
-    """Where the pixels of a tile scan.
+    """Slices and taps of the pixels of a tile.
 
     Attributes:
         angle: [4, 4, slices] of each slice from +columns towards +rows, radians, in [0, pi).
@@ -155,7 +139,7 @@ def table(params: SliceParams) -> NDArray[np.float32]:
         [
             np.stack([np.cos(made.angle), np.sin(made.angle), made.dither], axis=-1),
             made.share,
-            np.zeros((*made.share.shape[:3], -params.taps % GROUP)),
+            np.zeros((*made.share.shape[:3], -params.taps % SLICES_GROUP)),
         ],
         axis=-1,
     )
@@ -163,7 +147,7 @@ def table(params: SliceParams) -> NDArray[np.float32]:
 
 
 class SliceScan(Prepared[SliceParams]):
-    """What a scan of slices reads, prepared for G-buffers of one size.
+    """Inputs of a scan of slices, prepared for G-buffers of one size.
 
     Args:
         runtime: the device.
@@ -188,7 +172,7 @@ class SliceScan(Prepared[SliceParams]):
         # Column 0 of the result begins a tile.
         self._lead = -reduced_margin[1] % TILE
         quarter = -(-(self._whole[1] + self._lead) // TILE)
-        self._stride = -(-quarter // GROUP) * GROUP + GROUP
+        self._stride = (-(-quarter // SLICES_GROUP) + 1) * SLICES_GROUP
         self._first = (margin[0] % step, margin[1] % step)
 
     def _set(self, params: SliceParams) -> None:
@@ -204,14 +188,14 @@ class SliceScan(Prepared[SliceParams]):
     def grid(self) -> Size:
         """Return (rows, columns) of work-items: a strip's are below one another's."""
         rows, columns = self.size
-        return rows * -(-columns // STRIP), STRIP // self.runtime.variant.lanes
+        return rows * -(-columns // SLICES_STRIP), SLICES_STRIP // self.runtime.variant.lanes
 
     def strips(self, region: Region | None) -> list[Region | None]:
         """Return the parts of `grid` that scan a window of the result, one a strip."""
         if region is None:
             return [None]
         _, columns = self.grid
-        first, (_, count) = region.cells((1, STRIP))
+        first, (_, count) = region.cells((1, SLICES_STRIP))
         return [
             Region(strip * self.size[0] + region.row, 0, region.rows, columns)
             for strip in range(first[1], first[1] + count)
@@ -331,10 +315,7 @@ class SliceScan(Prepared[SliceParams]):
                 "contrast": params.contrast,
                 "stride": self._stride,
                 "lead": self._lead,
-                "margin_left": source.margin[1],
-                "margin_right": source.whole[1] - self.size[1] - source.margin[1],
-                "margin_top": source.margin[0],
-                "margin_bottom": source.whole[0] - self.size[0] - source.margin[0],
+                **border_values(source, self.size),
                 **values,
             }
         )
@@ -344,29 +325,16 @@ P = TypeVar("P", bound=SliceParams)
 
 
 class SliceTechnique(OcclusionTechnique, Generic[P]):
-    """A technique that scans slices, prepared for images of one size.
-
-    Args:
-        runtime: the device.
-        size: (rows, columns) of the result.
-        params: of the technique.
-        margin: (rows, columns) by which the G-buffers exceed the result on every side.
-        layers: depth layers of the G-buffers.
-    """
+    """A technique that scans slices; see `OcclusionTechnique` for the arguments."""
 
     reads_thickness: ClassVar[bool] = False
     """Whether it looks at the thickness that a G-buffer may have for each pixel."""
 
-    def __init__(
-        self, runtime: Runtime, size: Size, params: P | None = None, margin: Size = (0, 0), layers: int = 1
-    ) -> None:
-        super().__init__(runtime, size, params, margin, layers)
-        in_front = self.params.in_front_of(layers)
-        self._scan = SliceScan(runtime, size, in_front, margin, layers)
-        runtime.transient.reserve(
-            plane_bytes(self.params.channels, self._scan.size)
-            + max(plane_bytes(self.params.channels, self._scan.size), plane_bytes(layers, self._scan.sorted_size))
-        )
+    def _prepare(self) -> None:
+        in_front = self.params.in_front_of(self.layers)
+        self._scan = scan = SliceScan(self.runtime, self.size, in_front, self.margin, self.layers)
+        result = plane_bytes(self.params.channels, scan.size)
+        self.runtime.transient.reserve(result + max(result, plane_bytes(self.layers, scan.sorted_size)))
         self._kernels: dict[bool, Kernel] = {}
         self._kernel(thick=False)
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device.constants import SLICES_SIMILAR
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.ao.gtao import gtao_reference
 from ssgi_cl.techniques.ao.gtao import GtaoParams, gtao
-from ssgi_cl.techniques.ao.slices import SIMILAR
 
 from ...closed_forms import hidden_by_wall
 from ..analytic import camera, scene
@@ -78,10 +78,10 @@ def test_contrast_is_a_power(runtime: Runtime, rng: np.random.Generator) -> None
 
 def test_pixels_at_the_very_end_of_similar_depths_are_scanned_too(runtime: Runtime, rng: np.random.Generator) -> None:
     made = camera(size=(12, 64))
-    # Both in the same groups of 16 pixels; 1 / 5 is exactly SIMILAR of 1 / 2, in float32 too.
+    # Both in the same groups of 16 pixels; 1 / 5 is exactly SLICES_SIMILAR of 1 / 2, in float32 too.
     depth = np.where(np.arange(64) < 32, 2.0, 5.0) * np.ones((12, 1))
     gbuffer = GBuffer(camera=made, depth=depth.astype(np.float32))
-    assert np.float32(1.0) / np.float32(5.0) == np.float32(0.5) * np.float32(SIMILAR)
+    assert np.float32(1.0) / np.float32(5.0) == np.float32(0.5) * np.float32(SLICES_SIMILAR)
     a = gtao(gbuffer, 4.0, blur_radius=0, runtime=runtime)
     wanted = gtao_reference(gbuffer, GtaoParams(radius=4.0, blur_radius=0))
     assert wanted[:, 33:40].mean() < 0.9

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device.constants import SLICES_STRIP
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.ao.bitmask_ao import bitmask_reference
@@ -21,7 +22,7 @@ from ssgi_cl.reference.ao.hbao import hbao_reference
 from ssgi_cl.techniques.ao.bitmask_ao import BitmaskAo, BitmaskParams, bitmask_ao
 from ssgi_cl.techniques.ao.gtao import Gtao, GtaoParams, gtao
 from ssgi_cl.techniques.ao.hbao import Hbao, HbaoParams, hbao
-from ssgi_cl.techniques.ao.slices import STRIP, SliceParams, SliceTechnique, pattern
+from ssgi_cl.techniques.ao.slices import SliceParams, SliceTechnique, pattern
 
 from ..analytic import CAMERAS, VIEWS, Ball, Plane, camera, scene, tilted, trace
 
@@ -155,10 +156,10 @@ def test_every_kernel_variant_agrees_with_numpy_reference_for_every_switch(
 def test_an_image_of_more_than_a_strip_agrees_with_numpy_reference(
     runtime: Runtime, rng: np.random.Generator, subject: Subject
 ) -> None:
-    gbuffer = scene("noisy", camera("intrinsics", size=(9, 2 * STRIP)), rng)
+    gbuffer = scene("noisy", camera("intrinsics", size=(9, 2 * SLICES_STRIP)), rng)
     a = subject.function(gbuffer, RADIUS, blur_radius=0, runtime=runtime)
     wanted = subject.reference(gbuffer, subject.params(radius=RADIUS, blur_radius=0))
-    assert (wanted[:, STRIP:] < 0.8).mean() > 0.1
+    assert (wanted[:, SLICES_STRIP:] < 0.8).mean() > 0.1
     # Slices are some 100 px long, and roundings of a place grow with that.
     assert share_off(a, wanted, 10.0 * ROUNDING) <= 20 * FLIPS
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.lights import DirectionalLight, PointLight, SpotLight
+from ssgi_cl.device.constants import RSM_RECORD
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.rsm import DeviceRsm, on_device_rsm
 from ssgi_cl.device.runtime import Runtime
@@ -23,14 +24,7 @@ from ssgi_cl.rasterize import rsm
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.reference.rsm.rsm_gather import rsm_gather_reference
 from ssgi_cl.techniques.rsm.rsm_gather import RsmGather, RsmGatherParams, rsm_gather
-from ssgi_cl.techniques.rsm.rsm_samples import (
-    RECORD,
-    FluxSamples,
-    TexelRecords,
-    cap_pattern,
-    disk_pattern,
-    square_points,
-)
+from ssgi_cl.techniques.rsm.rsm_samples import FluxSamples, TexelRecords, cap_pattern, disk_pattern, square_points
 from ssgi_cl.truth import store
 from ssgi_cl.truth.light import one_bounce
 
@@ -268,7 +262,7 @@ def test_samples_are_drawn_in_proportion_to_flux(
     texels.update(device)
     samples = FluxSamples(variant_runtime, texels, 4096)
     samples.update()
-    records = samples.records.download().reshape(-1, RECORD)
+    records = samples.records.download().reshape(-1, RSM_RECORD)
     x, y = records[:, 0].astype(int), records[:, 1].astype(int)
     power = flux.sum(axis=0)
     assert (power[y, x] > 0.0).all()

@@ -152,7 +152,7 @@ class OcclusionTechnique(Prepared[Any], ABC):
 
     @abstractmethod
     def _occlude(self, out: Plane, gbuffer: DeviceGBuffer, source: Source, region: Region | None) -> None:
-        """Queue what writes A to `out` from `source`: the G-buffer, or it reduced.
+        """Queue the passes that write A to `out` from `source`: the G-buffer, full or reduced.
 
         Only pixels in `region` are needed.
         """

@@ -328,14 +328,13 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
     """A technique that scans slices; see `OcclusionTechnique` for the arguments."""
 
     reads_thickness: ClassVar[bool] = False
-    """Whether it looks at the thickness that a G-buffer may have for each pixel."""
+    """Whether the technique reads the per-pixel thickness that a G-buffer may have."""
 
     def _prepare(self) -> None:
         in_front = self.params.in_front_of(self.layers)
         self._scan = scan = SliceScan(self.runtime, self.size, in_front, self.margin, self.layers)
         result = plane_bytes(self.params.channels, scan.size)
         self.runtime.transient.reserve(result + max(result, plane_bytes(self.layers, scan.sorted_size)))
-        self._kernels: dict[bool, Kernel] = {}
         self._kernel(thick=False)
 
     def _set(self, params: P) -> None:
@@ -343,13 +342,8 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
 
     def _kernel(self, *, thick: bool) -> Kernel:
         """Return the kernel that scans all layers, without or with thickness by pixel."""
-        if thick not in self._kernels:
-            scan = self._scan
-            macros = scan.macros(thick=thick, reads_thickness=self.reads_thickness)
-            self._kernels[thick] = self.runtime.kernel(
-                f"{self.name}/{self.name}.cl", {**macros, **self._macros()}, (CAMERA, SLICES)
-            )
-        return self._kernels[thick]
+        macros = self._scan.macros(thick=thick, reads_thickness=self.reads_thickness)
+        return self.runtime.kernel(f"{self.name}/{self.name}.cl", {**macros, **self._macros()}, (CAMERA, SLICES))
 
     def _check(self, gbuffer: DeviceGBuffer) -> None:
         check_shape(gbuffer, self.size, self.margin, self.layers)

@@ -213,7 +213,7 @@ def kind_name(light: PunctualLight) -> str:
 
 
 def face_count(light: Light) -> int:
-    """Return how many faces the light's maps have."""
+    """Return the number of faces of a light's maps."""
     return 6 if isinstance(light, PointLight) else 1
 
 

@@ -74,7 +74,7 @@ class Crop:
         return Camera(view=face.view, projection=projection, width=face.width, height=face.height)
 
     def values(self, image: int, size: int) -> list[float]:
-        """Return what kernels/direct/crops.clh reads.
+        """Return the numbers that kernels/direct/crops.clh reads.
 
         Args:
             image: of the map.

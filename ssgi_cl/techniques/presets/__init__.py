@@ -59,7 +59,7 @@ def record(technique: str) -> dict[str, Any]:
 
 
 def recorded_for(technique: str, layers: int) -> dict[str, Any]:
-    """Return what is recorded for the most depth layers that are no more than `layers`.
+    """Return the record of the most depth layers that are no more than `layers`.
 
     Raises:
         ValueError: the technique has no presets.

@@ -1,4 +1,4 @@
-"""How fast a device is at a technique: what turns recorded times into times here."""
+"""Device speed model: conversion of recorded times to times on this device."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ if TYPE_CHECKING:
 SMALL, LARGE = (48, 64), (600, 800)
 """Sizes of the measured pictures."""
 SECONDS = 0.15
-"""How long each size is repeated."""
+"""Time for which the runs of each size are repeated."""
 FEWEST = 4
 """Repetitions of each size at least."""
 ALONE = 0.8
-"""Share of the time of all its cores that a CPU spent on the runs, unless it had other work."""
+"""Share of all cores' time that an otherwise idle CPU spends on the runs, at least."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class SpeedModel:
 def measured(
     runtime: Runtime, technique: type[OcclusionTechnique], parameters: Mapping[str, Any]
 ) -> tuple[SpeedModel, bool]:
-    """Return a device's speed model, measured now, and whether nothing else kept the device busy.
+    """Return a device's speed model, measured now, and whether the device was otherwise idle.
 
     Takes less than half a second once the kernels are compiled.
     """

@@ -57,7 +57,7 @@ class RsmTechnique(Prepared[Q], ABC):
 
     @abstractmethod
     def _sampling(self, params: Q) -> MapSampling:
-        """Return how each map is sampled."""
+        """Return the sampling of each map."""
 
     def _set(self, params: Q) -> None:
         self._maps.set(self._sampling(params))

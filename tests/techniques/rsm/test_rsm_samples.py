@@ -1,4 +1,4 @@
-"""How the passes over samples of reflective shadow maps are launched."""
+"""Launches of the passes over samples of reflective shadow maps."""
 
 from __future__ import annotations
 

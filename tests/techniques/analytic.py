@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -38,6 +38,16 @@ def uploaded(runtime: Runtime, gbuffer: GBuffer) -> DeviceGBuffer:
     device = DeviceGBuffer(runtime, gbuffer.size, layers=gbuffer.layers, margin=gbuffer.margin, attributes=attributes)
     device.upload(gbuffer)
     return device
+
+
+def check_second_run(runtime: Runtime, run: Callable[[], NDArray[Any]]) -> NDArray[Any]:
+    """Check that a second run allocates and builds nothing and gives the bits of the first; return them."""
+    first = run()
+    before = runtime.allocated_bytes, runtime.builds
+    second = run()
+    assert (runtime.allocated_bytes, runtime.builds) == before
+    np.testing.assert_array_equal(first, second)
+    return first
 
 
 SCENES = ("corner", "ball", "step", "bumpy", "noisy")

@@ -39,6 +39,12 @@ PACE = SpeedModel(call_ms=0.1, pixel_ns=20.0)
 """Of a device that is made up."""
 
 
+@pytest.fixture(params=RECORDED)
+def technique(request: pytest.FixtureRequest) -> str:
+    """Each technique that has presets."""
+    return str(request.param)
+
+
 @pytest.fixture(scope="module")
 def steps() -> GBuffer:
     """A flight of steps: depth that falls by half a unit every eight columns."""
@@ -80,7 +86,6 @@ def layered(monkeypatch: pytest.MonkeyPatch) -> None:
 # ---- what is recorded
 
 
-@pytest.mark.parametrize("technique", RECORDED)
 def test_every_recorded_setting_is_a_valid_set_of_parameters(technique: str) -> None:
     entry = TECHNIQUES[technique]
     for recorded in presets.record(technique)["layers"]:
@@ -91,13 +96,11 @@ def test_every_recorded_setting_is_a_valid_set_of_parameters(technique: str) -> 
             entry.params(**point["parameters"])
 
 
-@pytest.mark.parametrize("technique", RECORDED)
 def test_every_number_of_layers_is_recorded(technique: str) -> None:
     layers = [entry["layers"] for entry in presets.record(technique)["layers"]]
     assert layers == sorted(TECHNIQUES[technique].layers)
 
 
-@pytest.mark.parametrize("technique", RECORDED)
 def test_each_setting_of_a_curve_is_slower_and_better_than_the_one_before(technique: str) -> None:
     for layers in TECHNIQUES[technique].layers:
         curve = presets.curve(technique, layers)
@@ -108,7 +111,6 @@ def test_each_setting_of_a_curve_is_slower_and_better_than_the_one_before(techni
             assert a.validation > b.validation
 
 
-@pytest.mark.parametrize("technique", RECORDED)
 def test_along_the_presets_time_rises_and_errors_fall_on_every_set(technique: str) -> None:
     for entry in presets.record(technique)["layers"]:
         assert tuple(entry["presets"]) == presets.NAMES
@@ -123,7 +125,6 @@ def test_along_the_presets_time_rises_and_errors_fall_on_every_set(technique: st
         assert first["reporting"] > last["reporting"]
 
 
-@pytest.mark.parametrize("technique", RECORDED)
 def test_presets_lie_on_the_curve_and_the_defaults_too(technique: str) -> None:
     usual = TECHNIQUES[technique].params()
     for entry in presets.record(technique)["layers"]:
@@ -135,13 +136,11 @@ def test_presets_lie_on_the_curve_and_the_defaults_too(technique: str) -> None:
         assert medium == {name: getattr(usual, name) for name in medium}
 
 
-@pytest.mark.parametrize("technique", RECORDED)
 def test_no_candidate_is_faster_and_better_than_the_defaults(technique: str) -> None:
     for entry in presets.record(technique)["layers"]:
         assert entry["better_than_default"] == []
 
 
-@pytest.mark.parametrize("technique", RECORDED)
 def test_no_preset_is_slower_and_worse_than_the_defaults_on_a_reported_scene(technique: str) -> None:
     for entry in presets.record(technique)["layers"]:
         usual = entry["presets"]["medium"]
@@ -192,7 +191,6 @@ def test_dearer_presets_err_no_more_on_scenes_that_nothing_is_tuned_on(
     assert named[-1] < 1.01 * usual, errors
 
 
-@pytest.mark.parametrize("technique", RECORDED)
 def test_record_says_what_the_presets_were_tuned_on(technique: str) -> None:
     recorded = presets.record(technique)
     names = {of: [scene["name"] for scene in known] for of, known in recorded["scenes"].items()}
@@ -479,7 +477,6 @@ def test_measured_pace_is_that_of_more_work_in_more_time(runtime: Runtime) -> No
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("technique", RECORDED)
 def test_predicted_time_is_near_the_measured_one(
     technique: str, runtime: Runtime, monkeypatch: pytest.MonkeyPatch
 ) -> None:

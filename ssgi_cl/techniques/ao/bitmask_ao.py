@@ -13,15 +13,8 @@ from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import param
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime, serialised
-from ssgi_cl.techniques.ao.slices import (
-    MACROS,
-    PRESET_LAYERS,
-    TUNABLE,
-    SliceKeywords,
-    SliceParams,
-    SliceTechnique,
-    made_for,
-)
+from ssgi_cl.techniques.ao.occlusion import made_for
+from ssgi_cl.techniques.ao.slices import MACROS, PRESET_LAYERS, TUNABLE, SliceKeywords, SliceParams, SliceTechnique
 from ssgi_cl.techniques.filters.bilateral import BilateralParams
 from ssgi_cl.techniques.technique import Bench, Technique
 

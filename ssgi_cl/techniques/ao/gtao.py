@@ -18,15 +18,8 @@ from ssgi_cl.device.arrays import Plane
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.techniques.ao.bent_normals import BentNormals
-from ssgi_cl.techniques.ao.slices import (
-    MACROS,
-    PRESET_LAYERS,
-    TUNABLE,
-    SliceKeywords,
-    SliceParams,
-    SliceTechnique,
-    made_for,
-)
+from ssgi_cl.techniques.ao.occlusion import made_for
+from ssgi_cl.techniques.ao.slices import MACROS, PRESET_LAYERS, TUNABLE, SliceKeywords, SliceParams, SliceTechnique
 from ssgi_cl.techniques.technique import Bench, Technique
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, TypedDict
+from typing import Any, ClassVar, TypedDict, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.transient import Target
 from ssgi_cl.techniques.filters.bilateral import Bilateral, BilateralParams
 from ssgi_cl.techniques.filters.upsample import ReducedGBuffer, Upsample, UpsampleBlur, UpsampleParams, coarse_size
+from ssgi_cl.techniques.presets.choose import params_for
 from ssgi_cl.techniques.source import Source
 
 RESOLUTIONS = {"full": 1, "half": 2, "quarter": 4}
@@ -156,3 +157,25 @@ class OcclusionTechnique(Prepared[Any], ABC):
 
         Only pixels in `region` are needed.
         """
+
+
+T = TypeVar("T", bound=OcclusionTechnique)
+
+
+def made_for(
+    technique: type[T], gbuffer: GBuffer | DeviceGBuffer, runtime: Runtime | None, **given: Any
+) -> tuple[T, DeviceGBuffer]:
+    """Return a technique, prepared unless it was before, and the G-buffer on its device.
+
+    Args:
+        technique: its class.
+        gbuffer, runtime, **given: as its function was called; see `params_for`.
+    """
+    params = params_for(technique, gbuffer, runtime, **given)
+    device = on_device(gbuffer, runtime)
+    made: T = device.runtime.prepared(
+        (technique, device.size, device.margin, device.layers, params.shape()),
+        lambda: technique(device.runtime, device.size, params, device.margin, device.layers),
+    )
+    made.params = params
+    return made, device

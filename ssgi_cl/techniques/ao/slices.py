@@ -10,20 +10,18 @@ from typing import Any, ClassVar, Generic, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import Prepared, param
 from ssgi_cl.core.sampling import TILE_ORDER
 from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size, plane_bytes
 from ssgi_cl.device.constants import SLICES_GROUP, SLICES_STRIP
-from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
+from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.device.transient import ImageParts, Target
 from ssgi_cl.techniques.ao.occlusion import RESOLUTIONS, OcclusionKeywords, OcclusionParams, OcclusionTechnique
 from ssgi_cl.techniques.filters.upsample import coarse_size
-from ssgi_cl.techniques.presets.choose import params_for
 from ssgi_cl.techniques.source import Source, border_values
 
 SLICES = Struct(
@@ -385,28 +383,6 @@ def check_shape(gbuffer: DeviceGBuffer, size: Size, margin: Size, layers: int) -
         )
 
 
-T = TypeVar("T", bound=SliceTechnique[Any])
-
-
 def _ortho_unit(camera: Any, step: int) -> float:
     """Return 1 / the width of every `step`-th of a camera's pixels, per scene unit."""
     return abs(float(camera["from_x"])) / step
-
-
-def made_for(
-    technique: type[T], gbuffer: GBuffer | DeviceGBuffer, runtime: Runtime | None, **given: Any
-) -> tuple[T, DeviceGBuffer]:
-    """Return a technique, prepared unless it was before, and the G-buffer on its device.
-
-    Args:
-        technique: its class.
-        gbuffer, runtime, **given: what its function was called with; see `params_for`.
-    """
-    params = params_for(technique, gbuffer, runtime, **given)
-    device = on_device(gbuffer, runtime)
-    made: T = device.runtime.prepared(
-        (technique, device.size, device.margin, device.layers, params.shape()),
-        lambda: technique(device.runtime, device.size, params, device.margin, device.layers),
-    )
-    made.params = params
-    return made, device

@@ -16,11 +16,10 @@ from ssgi_cl.core.params import param
 from ssgi_cl.core.sampling import DEPTH_BIAS, TILE_ORDER
 from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import Plane
-from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
+from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, Struct, floats
-from ssgi_cl.techniques.ao.occlusion import OcclusionKeywords, OcclusionParams, OcclusionTechnique
-from ssgi_cl.techniques.presets.choose import params_for
+from ssgi_cl.techniques.ao.occlusion import OcclusionKeywords, OcclusionParams, OcclusionTechnique, made_for
 from ssgi_cl.techniques.source import Source, border_values, check_size
 from ssgi_cl.techniques.technique import Bench, Technique
 
@@ -305,7 +304,7 @@ def ssao(
     radii = checks.as_array("radius", radius)
     if radii.dtype.kind not in "fiu":
         raise TypeError(f"radius is {radius!r}: expected 1 to 4 numbers (scene units)")
-    chosen: SsaoParams = params_for(
+    technique, device = made_for(
         Ssao,
         gbuffer,
         runtime,
@@ -316,12 +315,6 @@ def ssao(
         budget_ms=budget_ms,
         **params,
     )
-    device = on_device(gbuffer, runtime)
-    technique: Ssao = device.runtime.prepared(
-        (Ssao, device.size, device.margin, chosen.shape()),
-        lambda: Ssao(device.runtime, device.size, chosen, device.margin),
-    )
-    technique.params = chosen
     return technique(device)
 
 

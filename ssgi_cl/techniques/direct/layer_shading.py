@@ -30,14 +30,7 @@ LIT = Struct(
 
 
 class Shading(TypedDict, total=False):
-    """Keyword arguments of the methods of `LitLayers`.
-
-    Attributes:
-        shadows: one entry for each light (None: it casts no shadow).
-        visibility: its first image is A of every `step`-th pixel of the image; dims the light of
-            environments on all layers and on the margin, for which the nearest pixel stands.
-        step: 1, 2 or 4; 1 by default.
-    """
+    """Keyword arguments of `LitLayers.run`."""
 
     shadows: Sequence[ShadowMap | None] | None
     visibility: Plane | None
@@ -121,18 +114,30 @@ class LitLayers:
         self._ambient = Ambient(runtime)
         self._records: SenderRecords | None = None
 
-    def run(self, gbuffer: DeviceGBuffer, lights: Sequence[Light], **options: Unpack[Shading]) -> Plane | None:
+    def run(
+        self,
+        gbuffer: DeviceGBuffer,
+        lights: Sequence[Light],
+        *,
+        shadows: Sequence[ShadowMap | None] | None = None,
+        visibility: Plane | None = None,
+        step: int = 1,
+    ) -> Plane | None:
         """Queue the passes.
 
         Args:
             gbuffer: whose layers are lit as far as they have normals, albedo and emission.
             lights: any number of lights.
-            **options: see `Shading`.
+            shadows: one entry for each light (None: it casts no shadow).
+            visibility: its first image is A of every `step`-th pixel of the image; dims the light
+                of environments on all layers and on the margin, for which the nearest pixel stands.
+            step: 1, 2 or 4.
 
         Returns:
             3 images for each layer (number 3 layer + channel), W m^-2 sr^-1, 0 where nothing is,
             with `backs` as many more behind them; None if all is dark.
         """
+        options: Shading = {"shadows": shadows, "visibility": visibility, "step": step}
         if not self._start(gbuffer, lights, options):
             return None
         radiance = self.runtime.transient.plane(3 * self.layers * len(self._sides), self.whole)

@@ -13,7 +13,7 @@ from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.techniques.ao.ssao import ssao
 
-from ..analytic import CAMERAS, VIEWS, camera, scene, share_off, tilted, trace, uploaded
+from ..analytic import CAMERAS, VIEWS, camera, check_second_run, scene, share_off, tilted, trace, uploaded
 from .subjects import FLIPS, RADIUS, ROUNDING, SLICED, SUBJECTS, Subject
 
 
@@ -301,15 +301,6 @@ def test_scene_far_from_the_origin_looks_as_at_the_origin(runtime: Runtime, subj
     assert share_off(one, other, 1e-3) <= FLIPS
 
 
-def test_two_runs_give_bit_identical_results(
-    variant_runtime: Runtime, rng: np.random.Generator, subject: Subject
-) -> None:
-    gbuffer = scene("noisy", camera(size=(131, 217)), rng)
-    device = uploaded(variant_runtime, gbuffer)
-    technique = subject.kind(variant_runtime, gbuffer.size, subject.params(radius=RADIUS))
-    np.testing.assert_array_equal(technique(device), technique(device))
-
-
 @pytest.mark.parametrize("resolution", ["full", "half"])
 def test_empty_image_and_pixels_with_nothing_are_open(
     variant_runtime: Runtime, rng: np.random.Generator, subject: Subject, resolution: str
@@ -326,19 +317,15 @@ def test_empty_image_and_pixels_with_nothing_are_open(
 
 @pytest.mark.parametrize("resolution", ["full", "half"])
 @pytest.mark.parametrize("layers", [1, 2])
-def test_second_call_allocates_and_builds_nothing(
+def test_second_run_allocates_and_builds_nothing_and_gives_bit_identical_results(
     variant_runtime: Runtime, rng: np.random.Generator, subject: Subject, resolution: str, layers: int
 ) -> None:
-    gbuffer = scene("bumpy", camera(), rng)
+    gbuffer = scene("noisy", camera(size=(131, 217)), rng)
     depth = np.stack([gbuffer.depth, np.multiply(gbuffer.depth, np.float32(1.1))][:layers])
-    device = uploaded(variant_runtime, GBuffer(camera=gbuffer.camera, depth=depth, normal=gbuffer.normal))
+    device = uploaded(variant_runtime, GBuffer(camera=gbuffer.camera, depth=depth))
     params = subject.params(radius=RADIUS, resolution=resolution)
     technique = subject.kind(variant_runtime, gbuffer.size, params, layers=layers)
-    first = technique.run(device).download()
-    before = variant_runtime.allocated_bytes, variant_runtime.builds
-    second = technique.run(device).download()
-    assert (variant_runtime.allocated_bytes, variant_runtime.builds) == before
-    np.testing.assert_array_equal(first, second)
+    check_second_run(variant_runtime, lambda: technique.run(device).download())
 
 
 def test_camera_may_change_its_kind_from_frame_to_frame(

@@ -26,7 +26,7 @@ KINDS = (SpotLight, PointLight, DirectionalLight)
 """By their number in kernels, SHADE_KIND."""
 
 BRIGHTEST = 1e30
-"""W/sr or W/m^2 (times sr^-1): brighter light counts as this, so that float32 holds all sums."""
+"""W/sr or W/m^2 (times sr^-1): upper limit of the power of lights, so that float32 holds all sums."""
 LIGHT = Struct(
     "LightParams",
     (
@@ -198,7 +198,7 @@ def with_shadows(
 ) -> list[tuple[PunctualLight, ShadowMap | None]]:
     """Return the punctual lights among `lights`, each with its shadow map or None."""
     maps = [None] * len(lights) if shadows is None else shadows
-    return [pair for pair in zip(lights, maps, strict=True) if not isinstance(pair[0], Environment)]
+    return [(light, map_) for light, map_ in zip(lights, maps, strict=True) if not isinstance(light, Environment)]
 
 
 def power(light: PunctualLight) -> NDArray[np.float64]:

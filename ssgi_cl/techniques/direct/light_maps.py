@@ -20,7 +20,7 @@ from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.techniques.direct.light_data import PunctualLight, ShadowMap, kind_name, power
 from ssgi_cl.techniques.direct.seen_depths import Seen
 from ssgi_cl.techniques.direct.shadow_blocks import ShadowBlocks
-from ssgi_cl.techniques.direct.shadow_fit import Crop, fitted, parts, whole
+from ssgi_cl.techniques.direct.shadow_fit import Crop, fitted, most_crops, whole
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +101,7 @@ class LightMaps:
             for index, light in punctual_lights.items()
         }
         images = {
-            index: len(faces) if seen is None else parts(len(faces), len(punctual_lights))
+            index: len(faces) if seen is None else most_crops(len(faces), len(punctual_lights))
             for index, faces in cameras.items()
         }
         crops = {

@@ -81,8 +81,8 @@ class Shade(Prepared[ShadeParams]):
 
         `shadows` has one entry for each light (None: it casts no shadow), `visibility` is A;
         `multi_bounce` and `indirect_ao` are those of the parameters by default.
-        `direct` is the irradiance of all lights, if that is known already; environments then only
-        show where nothing is.
+        `direct` is the irradiance of all lights, if that is known already; environments are then
+        the background alone.
         """
         lit = self.light(gbuffer, lights, shadows=shadows) if direct is None else direct
         radiance = self.combine(
@@ -123,11 +123,10 @@ class Shade(Prepared[ShadeParams]):
     ) -> Plane:
         """Queue the pass that sums up all light; return the plane of radiance.
 
-        `lit` is the irradiance of punctual lights, with that of environments in it unless
-        `ambient`. With `gaps`, A dims `indirect` only below 1/2: of light whose visibility rays
-        miss what is close by. `sky_light` is that of environments where it is known by itself; A
-        dims it. `light` is given to be filled with the irradiance of all light over pi. The rest is
-        as in `run`.
+        `lit` is the irradiance of punctual lights, and of environments too unless `ambient`. With
+        `gaps`, A dims `indirect` only below 1/2, for light whose visibility rays miss near
+        occluders. `sky_light` is the irradiance of environments alone; A dims it. `light` receives
+        the irradiance of all light over pi. The rest is as in `run`.
         """
         if multi_bounce is None:
             multi_bounce = self.params.multi_bounce

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.techniques.direct.seen_depths import Seen
 
-PARTS = 8
+CROPS = 8
 """Most crops of a light, or one for every face where that is more."""
-ALL_PARTS = 32
+ALL_CROPS = 32
 """Most crops of all lights, or one for every face."""
 GRID = 4
 """Places in its own size at which a crop may begin."""
@@ -105,9 +105,9 @@ def whole(faces: int) -> tuple[Crop, ...]:
     return tuple(Crop(face) for face in range(faces))
 
 
-def parts(faces: int, lights: int) -> int:
+def most_crops(faces: int, lights: int) -> int:
     """Return how many crops a light with so many faces may have, one of so many lights."""
-    return max(faces, min(PARTS, ALL_PARTS // max(lights, 1)))
+    return max(faces, min(CROPS, ALL_CROPS // max(lights, 1)))
 
 
 def fitted(cameras: tuple[Camera, ...], seen: Seen, most: int) -> tuple[Crop, ...]:

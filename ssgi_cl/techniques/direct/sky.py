@@ -1,4 +1,4 @@
-"""The sky as kernels look it up: a small map of radiance by direction, filtered."""
+"""Sky map: radiance by direction, filtered to the width of a cone, for lookups in kernels."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Sky:
         constant: [3] float64, of those that are the same all round, W m^-2 sr^-1.
         image: [rows, columns, 3] float64, the sum of the others as `Environment.radiance` has it,
             or None without any; the same object as long as the environments are the same.
-        map: what kernels/ssdo/sky.clh looks up for `image`, or None.
+        map: the map of `image` that kernels/ssdo/sky.clh reads, or None.
     """
 
     def __init__(self, runtime: Runtime) -> None:

@@ -25,7 +25,7 @@ from ssgi_cl.reference.facets import facets_reference
 from ssgi_cl.techniques.direct.light_data import PunctualLight, PunctualLights, ShadowMap
 from ssgi_cl.techniques.direct.light_maps import LightMaps
 from ssgi_cl.techniques.direct.seen_depths import SeenDepths
-from ssgi_cl.techniques.direct.shadow_fit import ALL_PARTS, GRID, MOST_ZOOM, PARTS, Crop, fitted, parts
+from ssgi_cl.techniques.direct.shadow_fit import ALL_CROPS, CROPS, GRID, MOST_ZOOM, Crop, fitted, most_crops
 
 from .test_shade_shadows import boxes
 
@@ -75,8 +75,8 @@ def test_parts_hold_all_that_is_seen_with_the_filters_taps(runtime: Runtime, lig
     camera, size = moved(step), 64
     device, depths = seen_by(runtime, STREET.scene, camera)
     faces = light_cameras(light, STREET.scene.bounds, size)
-    crops = fitted(faces, depths.find(device), parts(len(faces), 1))
-    assert len(crops) <= PARTS
+    crops = fitted(faces, depths.find(device), most_crops(len(faces), 1))
+    assert len(crops) <= CROPS
     assert len(crops) > len({crop.face for crop in crops})
     position, _, there = world_surface(downloaded(device))
     points = position[there]
@@ -105,9 +105,9 @@ def test_parts_hold_all_that_is_seen_with_the_filters_taps(runtime: Runtime, lig
 
 
 def test_parts_are_finer_where_pixels_are_and_no_more_than_allowed() -> None:
-    assert parts(1, 1) == PARTS
-    assert parts(6, 100) == 6
-    assert parts(1, ALL_PARTS + 1) == 1
+    assert most_crops(1, 1) == CROPS
+    assert most_crops(6, 100) == 6
+    assert most_crops(1, ALL_CROPS + 1) == 1
 
 
 def test_parts_lie_on_a_grid_so_that_texels_stay_where_they_are(runtime: Runtime) -> None:
@@ -116,8 +116,8 @@ def test_parts_lie_on_a_grid_so_that_texels_stay_where_they_are(runtime: Runtime
     found = set()
     for step in np.linspace(0.0, 4.0, 9):
         device, depths = seen_by(runtime, STREET.scene, moved(float(step)))
-        found |= set(fitted(faces, depths.find(device), PARTS))
-    assert len(found) > PARTS
+        found |= set(fitted(faces, depths.find(device), CROPS))
+    assert len(found) > CROPS
     for crop in found:
         for zoom, first in ((crop.zoom_x, crop.left), (crop.zoom_y, crop.top)):
             assert first % (size // GRID) == 0
@@ -325,7 +325,7 @@ def test_kept_parts_give_the_bits_of_parts_drawn_anew(runtime: Runtime) -> None:
                 fractions(runtime, device, light, one), fractions(runtime, device, light, other)
             )
     # All of the first step, and less than half of those of the six that follow.
-    assert PARTS <= drawn < 0.5 * 7 * 3 * PARTS
+    assert CROPS <= drawn < 0.5 * 7 * 3 * CROPS
 
 
 def test_shadows_do_not_crawl(runtime: Runtime) -> None:

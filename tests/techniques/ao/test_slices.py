@@ -16,7 +16,9 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.techniques.ao.bitmask_ao import BitmaskAo
 from ssgi_cl.techniques.ao.slices import SliceParams, pattern
 
+from ...closed_forms import hidden_by_wall
 from ..analytic import Ball, Plane, camera, scene, share_off, trace
+from ..walls import wall_and_floor
 from .subjects import FLIPS, RADIUS, ROUNDING, SLICED, WEIGHTS, Subject
 
 
@@ -94,6 +96,33 @@ def test_blurred_layers_with_any_margin_agree_with_numpy_reference_at_every_reso
     a = subject.function(both, RADIUS, resolution=resolution, runtime=variant_runtime)
     # A flip spreads over the 5 x 5 pixels of the blur and over the pixels of a coarse one.
     assert share_off(a, subject.expected(both, resolution=resolution), WEIGHTS) <= 25 * FLIPS
+
+
+# ---- against a formula
+
+
+@pytest.mark.parametrize(
+    ("name", "choice", "weighting", "falloff"),
+    [
+        ("gtao", {}, "cosine", "none"),
+        ("bitmask", {"joined": False}, "cosine", "none"),
+        ("hbao", {"attenuation": 0.0}, "uniform", "none"),
+        ("hbao", {"attenuation": 1.0}, "uniform", "quadratic"),
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("kind", ["perspective", "orthographic"])
+def test_floor_by_an_infinite_wall_is_as_dark_as_the_formula_says(
+    runtime: Runtime, name: str, choice: dict[str, Any], weighting: str, falloff: str, kind: str
+) -> None:
+    gbuffer, distance = wall_and_floor(kind)
+    a = SLICED[name].function(gbuffer, 1.0, 16, 48, blur_radius=0, runtime=runtime, **choice)
+    for near, far in ((0.1, 0.2), (0.3, 0.4), (0.6, 0.7), (0.9, 0.95), (1.02, 1.2)):
+        there = (distance > near) & (distance < far)
+        wanted = [1.0 - hidden_by_wall(min(c, 1.0), weighting, falloff) for c in distance[there]]
+        # The highest point within the radius lies up to a tap, a 50th of the radius, beyond the
+        # highest tap: .0066 at most, half of it with twice the taps.
+        assert np.mean(a[there]) == pytest.approx(np.mean(wanted), abs=8e-3)
 
 
 # ---- beyond the front layer and the image
@@ -185,3 +214,22 @@ def test_bad_parameter_is_refused_with_its_name_value_and_range(
 ) -> None:
     with pytest.raises(error, match=message):
         subject.function(layered(camera())[0], runtime=runtime, **params)
+
+
+@pytest.mark.parametrize(
+    ("name", "params", "message"),
+    [
+        ("hbao", {"attenuation": 1.5}, r"attenuation is 1.5: expected a number >= 0 and <= 1"),
+        ("hbao", {"angle_bias": -0.1}, r"angle_bias is -0.1: expected a number >= 0.*radians"),
+        ("gtao", {"falloff": 1.5}, r"falloff is 1.5: expected a number >= 0 and <= 1.*radii"),
+        ("gtao", {"thin_occluder": -1.0}, r"thin_occluder is -1.0: expected a number >= 0"),
+        ("bitmask", {"thickness": -0.1}, r"thickness is -0.1: expected a number >= 0.*radii"),
+        ("bitmask", {"sectors": "equal"}, r"sectors is 'equal': expected one of 'cosine', 'angle'"),
+    ],
+    ids=str,
+)
+def test_bad_parameter_of_one_technique_is_refused(
+    runtime: Runtime, name: str, params: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        SLICED[name].function(layered(camera())[0], runtime=runtime, **params)

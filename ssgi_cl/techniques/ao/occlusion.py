@@ -49,7 +49,7 @@ class OcclusionParams(Params):
 
     @property
     def channels(self) -> int:
-        """Images of a result: A, and what else the technique finds; all are blurred alike."""
+        """Images of a result: A, and the technique's other results; all are blurred alike."""
         return 1
 
     @property
@@ -116,7 +116,7 @@ class OcclusionTechnique(Prepared[Any], ABC):
         """Compile the kernels, and allocate what they read beside the G-buffer."""
 
     def run(self, gbuffer: DeviceGBuffer) -> Plane:
-        """Queue the passes; return the plane of A, and of what else the technique finds.
+        """Queue the passes; return the plane of A, and of the technique's other results.
 
         Nothing is allocated after the first call.
         """

@@ -241,10 +241,9 @@ class SliceScan(Prepared[SliceParams]):
         return Region(coarse.row, 0, coarse.rows, columns)
 
     def sorted(self, images: Plane | ImageParts, region: Region | None = None) -> DeviceArray:
-        """Queue the passes that put images, of the G-buffer's whole size, where `inv_depth` has
-        depth.
+        """Queue the passes that sort images of the G-buffer's whole size as `inv_depth` sorts depth.
 
-        They are 0 outside of `region`.
+        The results are 0 outside of `region`.
         """
         parts: Iterable[tuple[int, Plane]] = [(0, images)] if not isinstance(images, ImageParts) else images.parts
         array, over = self._array(images.count, region)

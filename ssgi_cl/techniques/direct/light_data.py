@@ -73,7 +73,7 @@ class ShadowMap:
         *,
         is_fitted: bool = False,
     ) -> ShadowMap:
-        """Return the map, with what kernels read of its crops sent to `table`."""
+        """Return the map; send the numbers that kernels read of its crops to `table`."""
         values = [crop.values(image, depth.size[0]) for crop, image in zip(crops, images, strict=True)]
         table.send(np.array(values, np.float32))
         return cls(depth, cameras, crops, images, table, is_fitted=is_fitted)
@@ -123,7 +123,7 @@ class PunctualLights:
         *,
         shadows: Sequence[ShadowMap | None] | None = None,
     ) -> None:
-        """Queue the passes that add to radiance what the lobes of a G-buffer that mirrors reflect.
+        """Queue the passes that add the reflection of lights by the lobes of a G-buffer to radiance.
 
         The arguments are as in `run`.
         """

@@ -41,7 +41,7 @@ class _Memory:
 
 
 class LightMaps:
-    """Draws the maps of a frame's lights, each face once for shadows and for reflected light.
+    """Maps of a frame's lights: each face is drawn once for shadows and for reflected light.
 
     The faces of all lights make one reflective shadow map, so that one bounce costs the same
     however many lights there are, and surfaces that reflect more are sampled more. A light's maps

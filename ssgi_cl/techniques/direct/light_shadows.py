@@ -122,7 +122,7 @@ class LightShadows(PunctualLights, Prepared[LightShadowParams]):
 
 
 def cone_misses(gbuffer: DeviceGBuffer, light: SpotLight) -> bool:
-    """Return whether a spot light's cone lies outside one of the planes round what is seen."""
+    """Return whether a spot light's cone lies outside one of the planes of the view frustum."""
     camera = camera_of(gbuffer)
     to_x, to_y, at_x, at_y = camera.pixel_to_view
     rows, columns = gbuffer.margin

@@ -200,7 +200,7 @@ def bilateral_blur(
     runtime: Runtime | None = None,
     **params: Unpack[BilateralKeywords],
 ) -> NDArray[np.float32]:
-    """Blur an image without crossing the edges of what it shows.
+    """Blur an image without crossing the edges of surfaces.
 
     Tomasi and Manduchi 1998, "Bilateral Filtering for Gray and Color Images", as a cross-bilateral
     filter (Eisemann and Durand 2004; Petschnigg et al. 2004). Departs: depth is compared with the

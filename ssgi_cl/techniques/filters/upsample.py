@@ -51,7 +51,7 @@ class UpsampleParams(Params):
             raise ValueError("step is 3: expected 1, 2 or 4")
 
     def scales(self) -> dict[str, float]:
-        """Return the members of the kernels' struct that depend on them."""
+        """Return the members of the kernels' struct that depend on the parameters."""
         fit = BilateralParams(depth_sigma=self.depth_sigma, normal_sigma=self.normal_sigma)
         return {**fit.scales(), "background": self.background}
 
@@ -106,7 +106,7 @@ class ReducedGBuffer:
 
     @property
     def depth(self) -> Plane:
-        """Depth of the pixels, scene units; queues the pass that picks it if it is not there."""
+        """Depth of the pixels, scene units; queues the pass that picks it where that is due."""
         if self._depth is None:
             self._depth = self.runtime.plane(1, self.whole, math.inf)
         if self._source is not None:

@@ -76,7 +76,7 @@ def measured(
 
 
 def speed_model_of(runtime: Runtime, technique: type[OcclusionTechnique]) -> SpeedModel:
-    """Return a device's speed model with the parameters that the recorded one is of.
+    """Return a device's speed model, with the parameters of the recorded one.
 
     It is measured once for a device, and kept in the cache folder; on a busy machine once for the
     runtime.
@@ -108,7 +108,7 @@ def speed_model_of(runtime: Runtime, technique: type[OcclusionTechnique]) -> Spe
 
 
 def predicted_ms(runtime: Runtime, technique: type[OcclusionTechnique], ms: float, size: Size) -> float:
-    """Return the device time here at a size, (rows, columns), of what was recorded with `ms`.
+    """Return the device time here at a size, (rows, columns), of a setting recorded with `ms`.
 
     It is that of a picture full of surfaces: the defaults, with which both devices were measured on
     such a picture, take as long as there, and other settings longer or less by their recorded ratio

@@ -155,7 +155,7 @@ def rsm_gather(
     runtime: Runtime | None = None,
     **params: Unpack[RsmGatherKeywords],
 ) -> NDArray[np.float32]:
-    """Compute irradiance by light that the surfaces in reflective shadow maps reflect once.
+    """Compute irradiance by the one-bounce indirect light of reflective shadow maps.
 
     E(x) = sum over texels of flux cos cos / (pi d^2 + area) (after Dachsbacher and Stamminger
     2005, "Reflective Shadow Maps", eq. 1). Walls between texel and pixel cast no shadow, and what

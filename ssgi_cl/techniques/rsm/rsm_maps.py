@@ -92,7 +92,7 @@ class RsmMaps:
             self._turns = runtime.array(table.astype(np.float32))
 
     def set(self, sampling: MapSampling) -> None:
-        """Take the values of another sampling, whose pattern, number and weights are the same."""
+        """Replace the sampling by one of the same pattern, number and weights."""
         if sampling.radius != self.sampling.radius and True in self._patterns:
             self._patterns[True].upload(_pattern(sampling, cap=True))
         self.sampling = sampling

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// layer_shading: the radiance that one layer's surfaces send, on the side that the camera sees or,
-// with `facing` -1, on the other.
+// layer_shading: radiance of the surfaces of one layer, on the side that the camera sees or, with
+// `facing` -1, on the other.
 //
 // L = albedo / pi (E_lights + A E_ambient) + emission.
 // Reads:   depth, normal, albedo, emission  with margin: image `layer`, or 3 layer + c

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// light_shadows: add the direct irradiance of one light, shadowed by what the camera sees.
+// light_shadows: add the direct irradiance of one light with shadows of the visible surfaces.
 //
 // Method:  taps along the image of the way to the light; a tap is in the shadow where it lies
 //          behind a surface, and not behind its back, that rises above the receiver's tangent

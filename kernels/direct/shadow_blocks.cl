@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
-// shadow_blocks: planes above and below all that a shadow map shows in and near each of its blocks.
+// shadow_blocks: planes above and below all depths of a shadow map in and near each of its blocks.
 //
-// Where both tell what a filter's taps would find, shade_light reads these in place of the taps.
+// Where both decide the result of a filter's taps, shade_light reads these in place of the taps.
 // Method:  the slope is that of one half of the span, through its middle, whichever is less: where
 //          a surface ends or bends in the other half, this one's plane may still lie above all;
 //          any other is as right, but farther from what is there

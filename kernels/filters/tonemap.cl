@@ -4,9 +4,8 @@
 // Method:  exposure, then a filmic curve (Narkowicz 2015, a fit of the ACES reference transform:
 //          x (2.51 x + 0.03) / (x (2.43 x + 0.59) + 0.14)) or none, then IEC 61966-2-1.
 // Reads:   radiance  3 x [rows, columns] linear, >= 0
-// Writes:  encoded   [rows][pitch][3] bytes red, green and blue; pitch is columns, rounded up to
-// 16;
-//                    beyond the columns anything
+// Writes:  encoded   [rows][pitch][3] bytes red, green and blue; pitch is columns, rounded up
+//                    to 16; beyond the columns undefined
 // Macros:  TONEMAP_CURVE (0 clip at 1, 1 filmic)
 // Launch:  SSGI_LANES pixels of a row per work-item
 

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: MIT
-// gtao_bent: bent normals of unit length in world space, from normals and what bends them.
+// gtao_bent: bent normals of unit length in world space, from normals and their bends.
 //
-// The mean unoccluded direction lies above the surface: where so little is open that noise puts it
-// below, it is raised until its cosine to the normal is `least` times its length before.
+// The mean unoccluded direction lies above the surface: where so little is unoccluded that noise
+// puts it below, it is raised until its cosine to the normal is `least` times its length before.
 // Reads:   scanned  4 x [rows, columns] A and the bend in view space, from gtao or ssdo_bitmask,
-// perhaps
-//                   blurred; further images are not read
+//                   blurred or not; further images are not read
 //          normal   3 x [rows, columns] with margin, view space, unit length; 0 where nothing is
 // Writes:  bent     4 x [rows, columns] A and the bent normal in world space; 0 where nothing is
 // Params:  to_world  view to world, row by row; margin (columns, rows); least

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// rsm_face: one face of a drawn reflective shadow map, brought to where all faces are.
+// rsm_face: one face of a drawn reflective shadow map, copied to the map of all faces.
 //
 // Method:  a texel's position is where its view ray ends; the surface that it stands for is
 //          the section across its beam there, over the cosine at which it meets the surface.

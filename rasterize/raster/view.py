@@ -61,8 +61,8 @@ def gbuffer(
         camera: whose size is that of results computed from the G-buffer.
         layers: depth layers, 1 to 16; a deeper layer is the nearest surface that lies more than
             1e-5 of the depth behind the layer before.
-        overscan: share of the image's height and width by which the arrays exceed it on every
-            side, in [0, 1].
+        overscan: margin of the arrays on every side, a share of the image's height and width in
+            [0, 1].
         attributes: "first" for normal, albedo and emission of the front layer, "all" for those of
             every layer.
         backend: "opencl", or "pyrender" for OpenGL (needs the extra `opengl`).

@@ -139,7 +139,7 @@ def apply_command(
     Depth is linear along the view ray, in scene units; 1e10 and more is where nothing is.
     Normals are taken as camera space: +x right, +y up, +z towards the viewer. Use --no-normals if
     the file's are in world space, as those of `ssgi render` and of Blender are. The result covers
-    the file's data window, overscan included.
+    the file's data window, margin included.
 
     ssdo writes irradiance, direct and bounce. Without --sky, --sun and --lit its light is a sky of
     radiance 1.

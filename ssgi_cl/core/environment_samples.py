@@ -151,6 +151,29 @@ def resized(image: Doubles) -> Doubles:
     return image
 
 
+def summed(images: Sequence[Doubles], least: tuple[int, int] = (1, 1), start: Doubles | None = None) -> Doubles:
+    """Return the sum of latitude-longitude images, of the size of the largest.
+
+    The texels of smaller images are repeated. If several images have more than `MOST_TEXELS` in
+    common, they are resized first.
+
+    Args:
+        images: [rows, columns, 3] each, any number.
+        least: rows and columns of the sum.
+        start: [3], what the images are added to; 0 by default.
+    """
+    rows, columns = np.max([least, *(image.shape[:2] for image in images)], axis=0).tolist()
+    if len(images) > 1 and rows * columns > MOST_TEXELS:
+        images = [resized(image) for image in images]
+        rows, columns = np.max([image.shape[:2] for image in images], axis=0).tolist()
+    total = np.tile(np.zeros(3) if start is None else start, (rows, columns, 1))
+    for image in images:
+        row = np.arange(rows) * image.shape[0] // rows
+        column = np.arange(columns) * image.shape[1] // columns
+        total += image[row[:, None], column]
+    return total
+
+
 Region = tuple[int, int, int, int]
 """First and last-plus-one row, then column, of cells."""
 

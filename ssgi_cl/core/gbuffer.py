@@ -30,8 +30,9 @@ NAN = ("refuse", "hole")
 class GBuffer:
     """What a camera sees, pixel by pixel. Row 0 is on top; pixel centres lie at +0.5.
 
-    Arrays may be larger than the camera's image by an even number of rows and columns: the margin
-    (overscan) then surrounds the image, and results have the size of the camera's image.
+    Arrays may be larger than the camera's image by an even number of rows and columns: a margin
+    then surrounds the image, and results have the size of the camera's image. `rasterize.gbuffer`
+    draws one of `overscan` times the image's size.
 
     Attributes:
         camera: the camera; its size is that of the results.
@@ -176,7 +177,7 @@ class GBuffer:
         Raises:
             ValueError: not an EXR file, damaged, without depth, of another size than `camera`, or,
                 with a camera of the display window, the data window does not exceed that equally
-                on opposite sides (overscan).
+                on opposite sides (the margin).
         """
         arrays = files().read_gbuffer(path, channels, size=camera.size)
         return cls(camera=camera, nan=nan, **arrays)

@@ -113,11 +113,7 @@ class FrameParams(Params):
     indirect_ao: bool = param(False, "whether ambient occlusion dims reflected light too")
     layers: int = param(1, "depth layers of the G-buffer", low=1, high=MOST_LAYERS)
     overscan: float = param(
-        0.0,
-        "by which the G-buffer exceeds the image on every side",
-        low=0.0,
-        high=1.0,
-        unit="share of the image's size",
+        0.0, "margin of the G-buffer on every side", low=0.0, high=1.0, unit="share of the image's size"
     )
     auxiliary_cameras: int = param(0, "that show 'ssdo' what the camera misses", low=0, high=64)
     shadow_size: int = param(1024, "along the side of each shadow map", low=16, high=8192, unit="texels")

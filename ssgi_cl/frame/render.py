@@ -67,7 +67,7 @@ def render(
         preset: how exactly the whole picture is computed: "low", "medium", "high" or "ultra"; by
             default "high". Of no use with `bounces` 0.
         ao: what dims ambient light: "ssao", "hbao", "gtao" or "bitmask_ao"; True for "gtao", False
-            for none. All but "ssao" look into all `layers`, all four into the overscan.
+            for none. All but "ssao" look into all `layers`, all four into the margin.
         ao_radius: its radius in scene units, and that of "ssdo"; by default two cells of the
             occupancy grid for the whole picture, else 5 % of the picture's diagonal where surfaces
             are seen, at most 5 % of the diagonal of the scene's box (see `default_ao_radius`); for
@@ -89,7 +89,7 @@ def render(
         indirect_ao: whether A dims the light that "multires", "vpl" and "gather" reflect too, for
             want of knowing what blocks it; `Frame.indirect` stays as it was gathered.
         layers: depth layers of the G-buffer, 1 to 16.
-        overscan: share of the image by which the G-buffer exceeds it on every side, in [0, 1].
+        overscan: margin of the G-buffer on every side, a share of the image's size in [0, 1].
         auxiliary_cameras: cameras of half the size that show "ssdo" what the camera misses, 0 to
             64, up to half of them at spot and directional lights, the others where
             `auxiliary_cameras` says.

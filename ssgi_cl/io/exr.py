@@ -221,7 +221,7 @@ def read_gbuffer(
             (three names each, or the stem of three: "N" for N.X, N.Y, N.Z). What isn't given is
             looked for under its usual names, such as Z, depth.V or ViewLayer.Depth.Z.
         size: (rows, columns) of the camera: that of the display window, which the data window may
-            exceed equally on opposite sides (overscan), or that of the data window. By default
+            exceed equally on opposite sides (the margin), or that of the data window. By default
             any.
 
     Returns:

@@ -115,7 +115,7 @@ class SurfaceView:
         )
 
     def pixels_per_unit(self, depth: Doubles) -> Doubles:
-        """Return how many pixels a scene unit covers at a depth, the greater of both axes."""
+        """Return the pixels that a scene unit covers at a depth, the greater of both axes."""
         camera = self.camera
         focal = 0.5 * max(camera.width * camera.projection[0, 0], camera.height * camera.projection[1, 1])
         k = np.ones_like(depth) if camera.is_orthographic else depth
@@ -194,7 +194,7 @@ def _smaller_difference(
 
 
 def _borrowed(difference: Doubles, has: NDArray[np.bool_], there: NDArray[np.bool_], axis: int) -> Doubles:
-    """Where a pixel has no difference, take that of the next or previous pixel along `axis`."""
+    """Return differences with gaps filled by the next or previous pixel along `axis`."""
     result, open_ = difference.copy(), there & ~has
     for shift in (-1, 1):
         source, able = np.roll(difference, shift, axis), np.roll(has & there, shift, axis)

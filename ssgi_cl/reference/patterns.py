@@ -36,7 +36,7 @@ def radical_inverse(number: int) -> float:
 
 @dataclass(frozen=True, eq=False)
 class SlicePattern:
-    """Where the pixels of a 4 x 4 tile scan.
+    """Slices and taps of the pixels of a 4 x 4 tile.
 
     Attributes:
         angle: [4, 4, slices] of each slice from +columns towards +rows, radians, in [0, pi).

@@ -1,4 +1,4 @@
-"""What glossy surfaces reflect to the eye, in float64 (Phong 1975, normalised as in Lewis 1994)."""
+"""Specular reflection by Phong lobes, in float64 (Phong 1975, normalised as in Lewis 1994)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The catalogue: the one list of techniques, over which all else iterates.
+"""The catalogue: the list of all techniques.
 
 `python -m ssgi_cl.techniques.catalogue` prints it as a table in Markdown.
 """

@@ -13,7 +13,7 @@ from ssgi_cl.core.params import Params
 
 @dataclass(frozen=True)
 class Method:
-    """One way to compute what a technique computes.
+    """One method of a technique.
 
     Attributes:
         technique: the class, to prepare once and run often.

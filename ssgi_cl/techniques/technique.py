@@ -1,4 +1,4 @@
-"""The descriptor of a technique: what it is, what it takes and gives, and how it is measured.
+"""The descriptor of a technique: its parameters, inputs, results and measurement.
 
 The class of every technique, and of the parts that techniques are made of, has one method that
 queues its passes:
@@ -27,17 +27,17 @@ INPUTS = (
     *("depth", "normal", "albedo", "emission", "specular", "gloss", "thickness"),
     *("lights", "rsms", "shadow_maps", "scene", "image"),
 )
-"""What techniques read: images of the G-buffer, and arguments by name; `image` is one to filter."""
+"""Inputs of techniques: images of the G-buffer, and arguments by name; `image` is one to filter."""
 FIRST = ("gbuffer", "scene", "radiance")
-"""What the first argument of `run` may be."""
+"""Names of the first argument of `run`."""
 
 Row = tuple[str, Sequence[tuple[str, str]]]
-"""What is computed, and (what is measured, case of the benchmark) of each figure that is shown."""
+"""Description of a result, and (description, case of the benchmark) of each figure shown."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Bench:
-    """How a technique is measured, and what of it README and its page show.
+    """Measurement of a technique, and the figures that README and its page show.
 
     Attributes:
         settings: of its family of benchmark cases, where these differ from the usual ones.

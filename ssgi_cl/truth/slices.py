@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.sampling import r_points
+from ssgi_cl.device.constants import SLICES_NEAREST_TAP
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
 from ssgi_cl.techniques.ao.bitmask_ao import BitmaskParams
-from ssgi_cl.techniques.ao.slices import NEAREST_TAP, SliceParams
+from ssgi_cl.techniques.ao.slices import SliceParams
 from ssgi_cl.truth.digests import camera_description, digest
 from ssgi_cl.truth.estimators import versioned
 from ssgi_cl.truth.horizons import Crossed, Plane, check_technique, hidden_and_whole
@@ -95,7 +96,7 @@ def converged(
         "gbuffer": digest(np.asarray(gbuffer.depth), gbuffer.first("normal")),
         "pixels": pixels,
         "slices": PASS_SLICES,
-        "nearest": NEAREST_TAP,
+        "nearest": SLICES_NEAREST_TAP,
         "model": {name: values[name] for name in values if name not in NOT_OF_THE_MODEL},
         "estimator": versioned("slices"),
     }
@@ -292,8 +293,8 @@ def _turned_back(view: SurfaceView, position: Doubles) -> SurfaceView:
 def _chords(to_row: Doubles, to_column: Doubles, length: float) -> Doubles:
     """Return [count, chords] the middles of what lines cut off the pixels on their way, px.
 
-    Each line starts at a pixel's centre. What it cuts off before `NEAREST_TAP`, where no technique
-    looks, is moved there: the pixel that is crossed there comes several times.
+    Each line starts at a pixel's centre. What it cuts off before `SLICES_NEAREST_TAP`, where no
+    technique looks, is moved there: the pixel that is crossed there comes several times.
 
     Args:
         to_row, to_column: [count] directions of unit length.
@@ -305,6 +306,6 @@ def _chords(to_row: Doubles, to_column: Doubles, length: float) -> Doubles:
         np.concatenate([edges / np.maximum(np.abs(to), 1e-12)[:, None] for to in (to_row, to_column)], axis=1), axis=1
     )
     # Lines along an axis cross half as many edges; the others lie far beyond their reach.
-    ends = np.clip(ends, NEAREST_TAP, length + 2.0)
+    ends = np.clip(ends, SLICES_NEAREST_TAP, length + 2.0)
     result: Doubles = 0.5 * (ends[:, :-1] + ends[:, 1:])
     return result

@@ -135,6 +135,8 @@ def put(array: np.ndarray[Any, Any], value: float) -> np.ndarray[Any, Any]:
         ({"depth": np.ones(7)}, r"depth has shape \(7,\)"),
         ({"depth": np.ones((0, ROWS, COLUMNS))}, r"depth has shape \(0, 5, 7\)"),
         ({"depth": np.ones((1, 1, ROWS, COLUMNS))}, "depth has shape"),
+        ({"depth": np.ones((COLUMNS, ROWS))}, "depth has 7 rows and 5 columns: expected 5 x 7"),
+        ({"depth": np.ones((ROWS, COLUMNS + 1))}, "depth has 5 rows and 8 columns: expected 5 x 7"),
         ({"normal": put(NORMAL, np.nan)}, r"normal\[1, 2, 0\] is nan"),
         ({"normal": put(NORMAL, np.inf)}, r"normal\[1, 2, 0\] is inf"),
         ({"normal": NORMAL[1:]}, r"normal has shape \(4, 7\): expected \(5, 7\)"),

@@ -157,7 +157,7 @@ def test_mutants_are_killed_or_survive_in_a_copy() -> None:
     path = "ssgi_cl/io/png.py"
     before = (ROOT / path).read_bytes()
     table = Table.read(TABLE)
-    table.tests[path] = ["test_png.py"]
+    table.tests[path] = ["io/test_png.py"]
     campaign = Campaign(ROOT, table, 60.0, lambda text: None)
     at = before.index(b"def ")
     broken = Mutant.of(path, Edit("removed", at, at, "1 / 0\n"), before)

@@ -24,7 +24,7 @@ ALLOWED = {
 ANNOTATED: dict[str, set[str]] = {}
 """As `ALLOWED`, for annotations alone; parameters of techniques, `...Params`, are allowed too."""
 ROOT = Path(str(files(ssgi_cl)))
-REFERENCES = sorted(path.stem for path in (ROOT / "reference").glob("*.py"))
+REFERENCES = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "reference").rglob("*.py"))
 
 
 def imports(text: str) -> Iterator[tuple[str, str, bool]]:
@@ -60,9 +60,9 @@ def is_allowed(module: str, name: str, *, annotation: bool) -> bool:
     )
 
 
-@pytest.mark.parametrize("stem", REFERENCES)
-def test_nothing_is_imported_from_what_is_checked(stem: str) -> None:
-    text = (ROOT / "reference" / f"{stem}.py").read_text(encoding="utf-8")
+@pytest.mark.parametrize("path", REFERENCES)
+def test_nothing_is_imported_from_what_is_checked(path: str) -> None:
+    text = (ROOT / path).read_text(encoding="utf-8")
     for module, name, annotation in imports(text):
         assert is_allowed(module, name, annotation=annotation), f"{module}.{name}"
     assert "import_module" not in text

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core.camera import Camera, look_at_matrix
 from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+from ssgi_cl.device.runtime import Runtime
 
 Doubles = NDArray[np.float64]
 
@@ -23,6 +25,29 @@ CAMERAS = ("perspective", "orthographic", "off-centre", "reversed-z", "intrinsic
 def slow_but(values: Iterable[str], *fast: str) -> list[Any]:
     """Return values of a parameter of tests, of which the fast tests take those named."""
     return [pytest.param(v, marks=() if v in fast else pytest.mark.slow) for v in values]
+
+
+def share_off(a: NDArray[Any], b: NDArray[Any], tolerance: float | NDArray[Any]) -> float:
+    """Return the share of values that differ by more than `tolerance` (or are not numbers)."""
+    return float(np.mean(~(np.abs(a - b) <= tolerance)))
+
+
+def uploaded(runtime: Runtime, gbuffer: GBuffer) -> DeviceGBuffer:
+    """Return a G-buffer in device memory of its own, with the attributes of as many layers."""
+    attributes = 1 if np.ndim(gbuffer.normal) < 4 else gbuffer.layers
+    device = DeviceGBuffer(runtime, gbuffer.size, layers=gbuffer.layers, margin=gbuffer.margin, attributes=attributes)
+    device.upload(gbuffer)
+    return device
+
+
+def check_second_run(runtime: Runtime, run: Callable[[], NDArray[Any]]) -> NDArray[Any]:
+    """Check that a second run allocates and builds nothing and gives the bits of the first; return them."""
+    first = run()
+    before = runtime.allocated_bytes, runtime.builds
+    second = run()
+    assert (runtime.allocated_bytes, runtime.builds) == before
+    np.testing.assert_array_equal(first, second)
+    return first
 
 
 SCENES = ("corner", "ball", "step", "bumpy", "noisy")

@@ -33,7 +33,7 @@ NEEDED = {
 """Arguments that are given by name and have no default."""
 RESULTS = {Plane, SsdoPlanes, RadiosityLight, DeviceArray, NoneType}
 WITHOUT = {"SliceScan", "MultiresGrid"}
-"""What is prepared without a result of its own: it prepares what others read, or is driven."""
+"""Prepared classes without a result of their own: they prepare inputs of others, or are driven."""
 
 
 def classes() -> dict[str, type]:

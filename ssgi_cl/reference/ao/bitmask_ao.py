@@ -64,7 +64,7 @@ def visibility(scan: Scan, params: BitmaskParams) -> Doubles:
 def hidden_by(
     scan: Scan, plane: Slice, side: int, layer: int, params: BitmaskParams
 ) -> Iterator[tuple[NDArray[np.bool_], Doubles, Doubles]]:
-    """Give what one layer hides on a side, from near to far: where, between which cotangents."""
+    """Yield the arcs that one layer hides on a side, from near to far: mask and two cotangents."""
     taps = scan.distinct_taps(plane, side, layer, taps_of(params, len(scan.depths))[1])
     if not params.joined:
         for tap in taps:

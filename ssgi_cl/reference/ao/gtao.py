@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ssgi_cl.techniques.ao.gtao import GtaoParams
 
 LEAST_OPEN = 0.02
-"""What a bent normal has along the normal at least; unoccluded, it has 1."""
+"""Least component of a bent normal along the normal; unoccluded, it is 1."""
 
 
 def gtao_reference(gbuffer: GBuffer, params: GtaoParams) -> NDArray[np.float64]:
@@ -53,10 +53,10 @@ def visibility(scan: Scan, params: GtaoParams) -> Doubles:
 
 
 def bends(scan: Scan, params: GtaoParams) -> Doubles:
-    """Return what occlusion adds to each normal [rows, columns, 3] in view space, before blur.
+    """Return the bend of each normal [rows, columns, 3] in view space, before blur.
 
     The mean of all directions over a surface, weighted by their cosines, is 2/3 of its normal n.
-    Of that those that horizons hide are taken away: n - 3/2 hidden / whole.
+    The hidden directions are subtracted from it: n - 3/2 hidden / whole.
     """
     slope = (*scan.slope, np.full(scan.depth.shape, -1.0))
     view_ray = np.stack(np.broadcast_arrays(*slope), axis=-1) / np.sqrt(scan.ray_squared)[..., None]
@@ -93,7 +93,7 @@ def horizons(scan: Scan, params: GtaoParams, plane: Slice, side: int) -> tuple[D
 
 
 def arc_integral(angle: Doubles, plane: Slice, side: int) -> Doubles:
-    """Return what is seen between the view ray and an angle from it (Jimenez et al., eq. 7).
+    """Return the visibility between the view ray and an angle from it (Jimenez et al., eq. 7).
 
     (cos g + 2 h sin g - cos(2 h - g)) / 4, the normal's angle g counted towards the side.
     """

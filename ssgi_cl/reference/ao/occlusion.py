@@ -1,4 +1,4 @@
-"""What follows the occlusion of each pixel, in float64: blur, and full size."""
+"""Blur and upsampling of ambient occlusion, in float64."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ def blur_of(params: Any) -> Blur:
 
 
 def finished(visibility: Doubles, view: SurfaceView, full: SurfaceView, params: Any) -> Doubles:
-    """Return A (or what goes with it) at full size from what a technique of occlusion found.
+    """Return A, or another result of a technique, at full size.
 
     Args:
-        visibility: [rows, columns] of `view`, or [rows, columns, channels].
+        visibility: the result before blur, [rows, columns] of `view`, or [rows, columns, channels].
         view: the G-buffer at the size of `params.resolution`.
         full: the same at full size.
         params: those of `OcclusionParams`.

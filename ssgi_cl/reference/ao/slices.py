@@ -37,7 +37,7 @@ FAR = 1e9
 
 @dataclass(frozen=True, eq=False)
 class Tap:
-    """What one tap sees in one depth layer, on one side of a slice; arrays [rows, columns].
+    """A tap in one depth layer, on one side of a slice; arrays [rows, columns].
 
     Lengths are over k of the receiver, see `Scan`.
 
@@ -196,7 +196,7 @@ class Scan:
         return result
 
     def slices(self) -> Iterator[Slice]:
-        """Give the slices of every pixel."""
+        """Yield the slices of every pixel."""
         params = self.params
         table = slice_pattern(params)
         y, x = np.indices(self.view.size)
@@ -259,7 +259,7 @@ class Scan:
         return result
 
     def taps(self, plane: Slice, side: int, layer: int) -> Iterator[Tap]:
-        """Give what the taps see in a layer from near to far; `side` is 1 or -1."""
+        """Yield the taps of a layer from near to far; `side` is 1 or -1."""
         for columns, rows in plane.offset[side]:
             yield self._tap(plane, side, layer, columns, rows)
 
@@ -288,7 +288,7 @@ class Scan:
         return taps
 
     def taps_of_all_layers(self, plane: Slice, side: int) -> Iterator[tuple[Tap, ...]]:
-        """Give what all layers show at each tap, from near to far."""
+        """Yield the taps of all layers together, from near to far."""
         layers = (self.taps(plane, side, layer) for layer in range(len(self.depths)))
         return zip(*layers, strict=True)
 

@@ -79,7 +79,7 @@ def _shadow(
     light: PunctualLight,
     params: LightShadowParams,
 ) -> Doubles:
-    """Return how much of a light is hidden [rows, columns], 0 to 1."""
+    """Return the occluded share of a light, [rows, columns] in [0, 1]."""
     way = _ways(view, position, light, params.radius)
     depth = -position[..., 2]
     towards_eye = np.maximum(way[..., 2], (1.0 - NEAREST_END) * depth)

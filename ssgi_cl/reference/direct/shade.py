@@ -22,11 +22,11 @@ PunctualLight = SpotLight | PointLight | DirectionalLight
 LEAST_N_DOT_V = 0.0017
 """Cosine between a normal and the light below which a surface counts as no more tilted."""
 FACET = 0.4
-"""What SLOPE and LEAST are times on receivers whose plane is that of their triangle."""
+"""Factor of SLOPE and LEAST on receivers whose plane is that of their triangle."""
 REACH = 1
 """Texels on either side of the receiver's own that the shadow's filter covers."""
 SLOPE, LEAST, STEP, ROUNDING = 0.25, 0.25, 1.0, 1e-5
-"""What a texel may be nearer to the light without shadowing; see kernels/direct/shadow.clh."""
+"""Bias of the comparison of depths; see kernels/direct/shadow.clh."""
 SOFT_SEARCH, SOFT_TAPS = 40, 48
 SOFT_FARTHEST, SOFT_LEAST, SOFT_NEAREST = 128.0, 1.5, 8.0
 """Of lights with a size, see kernels/direct/soft_shadow.clh."""
@@ -46,12 +46,12 @@ def shade_reference(
     position, normal, there = world_surface(gbuffer)
     irradiance = np.zeros((*gbuffer.size, 3))
     maps = list(shadow_maps) if shadow_maps is not None else [None] * len(lights)
-    for light, rsm in zip(lights, maps, strict=True):
-        if isinstance(light, Environment):
-            continue
-        share = np.ones(gbuffer.size)
-        if rsm is not None:
-            share = shadow_reference(rsm, position, normal, light_extent(light))
+    shares = [
+        (light, np.ones(gbuffer.size) if rsm is None else shadow_reference(rsm, position, normal, light_extent(light)))
+        for light, rsm in zip(lights, maps, strict=True)
+        if not isinstance(light, Environment)
+    ]
+    for light, share in shares:
         irradiance += direct_reference(light, position, normal) * share[..., None]
     environments = [light for light in lights if isinstance(light, Environment)]
     ambient = ambient_reference(environments, normal)
@@ -68,13 +68,9 @@ def shade_reference(
     radiance = reflectance * irradiance / np.pi
     specular, gloss = gbuffer.first("specular"), gbuffer.first("gloss")
     if specular is not None and gloss is not None:
-        lobes = Lobes.of(gbuffer, position, normal)
-        for light, rsm in zip(lights, maps, strict=True):
-            if not isinstance(light, Environment):
-                share = np.ones(gbuffer.size)
-                if rsm is not None:
-                    share = shadow_reference(rsm, position, normal, light_extent(light))
-                radiance += lobes.widened().reflected(light, position, normal) * share[..., None]
+        lobes = Lobes.of(gbuffer, position, normal).widened()
+        for light, share in shares:
+            radiance += lobes.reflected(light, position, normal) * share[..., None]
     emission = gbuffer.first("emission")
     if emission is not None:
         radiance += gbuffer.inner(emission)

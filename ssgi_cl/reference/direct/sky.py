@@ -27,7 +27,7 @@ def looked_up(sky: Doubles, scan: Scan, plane: Slice, free: NDArray[np.bool_], c
 
 
 def cones_of(scan: Scan, plane: Slice, chosen: NDArray[np.bool_], cones: int) -> Iterator[tuple[Doubles, Doubles]]:
-    """Give the share of a slice's sectors that are `chosen` and in a cone, and its direction.
+    """Yield the share of a slice's sectors that are `chosen` and in a cone, and its direction.
 
     Args:
         chosen: [rows, columns, sectors].

@@ -24,7 +24,7 @@ tilted: exactly so in the middle of the view."""
 
 @dataclass(frozen=True, kw_only=True)
 class Blur:
-    """What the fields of the same names in `BilateralParams` say, with the same defaults."""
+    """The fields of `BilateralParams` of the same names, with the same defaults."""
 
     radius: int = 4
     sigma: float = 0.0
@@ -57,7 +57,7 @@ def bilateral_reference(
 def off_plane(
     view: SurfaceView, row: Doubles, column: Doubles, other: Doubles, pixel: tuple[Doubles, Doubles, Doubles, Doubles]
 ) -> Doubles:
-    """Return how far surfaces lie off the tangent planes of pixels, relative to the depth.
+    """Return the distances of surfaces from the tangent planes of pixels, relative to the depth.
 
     Args:
         view: whose view rays count.
@@ -80,10 +80,10 @@ def off_plane(
 
 
 def fit_of(off: Doubles, cosine: Doubles, params: BilateralParams | Blur) -> Doubles:
-    """Return how well pixels fit a surface, 1 at best; the weight is the power of what is > 0.
+    """Return the fit of pixels to a surface, 1 at best; the weight is a power of its positive part.
 
     Args:
-        off: how far they lie off its tangent plane, relative to the depth.
+        off: their distance from its tangent plane, relative to the depth.
         cosine: of the angle between the normals.
         params: for its two sigmas.
     """

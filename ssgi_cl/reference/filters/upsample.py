@@ -129,9 +129,10 @@ def _pass(
 def _fit(
     view: SurfaceView, at: tuple[Integers, Integers], other: tuple[Integers, Integers], params: BilateralParams | Blur
 ) -> tuple[Doubles, Integers, Integers]:
-    """Return how well the pixels (rows, columns) `other` fit the surfaces of those `at`.
+    """Return the fit of the pixels (rows, columns) `other` to the surfaces of those `at`.
 
-    It is -inf where they lie outside the image or show nothing. Also returns `other`, kept inside.
+    It is -inf where they lie outside the image or are empty. Also returns `other`, clamped to the
+    image.
     """
     depth, normal = view.inner(view.depth), view.inner(view.normal)
     row, column = (view.inner(centre) for centre in view.centres())

@@ -124,8 +124,27 @@ def _round_pixels(points: Doubles, row: int, rsm: ReflectiveShadowMap, texels: D
     turn = np.zeros(len(points))
     if params.pattern == "rotated":
         turn = tile_turns()[row % 4][np.arange(len(points)) % 4]
+    return texels.weighted(*samples_round(points, rsm, params.samples, params.radius, "unbiased", turn))
+
+
+def samples_round(
+    points: Doubles, rsm: ReflectiveShadowMap, samples: int, reach: float, weights: str, turn: Doubles
+) -> tuple[NDArray[np.intp], Doubles]:
+    """Return the samples of a map round each of some points, [points, samples].
+
+    Args:
+        points: [points, 3], world axes, from the map's origin.
+        rsm: of one face, or of the six of a point light.
+        samples: of each point.
+        reach: radius of the disk in sides of a face; inf: to the furthest corner.
+        weights: "unbiased" or "paper", see `disk_pattern`.
+        turn: [points] angles of the pattern, radians.
+
+    Returns:
+        Flat index of texels, and how many texels each sample stands for.
+    """
     if len(rsm.cameras) == 6:
-        return _in_cap(points, turn, rsm, texels, params)
+        return _in_cap(points, turn, rsm, cap_pattern(samples, weights, min(0.5 * np.pi * reach, np.pi)))
     camera = rsm.cameras[0]
     rows, columns = camera.size
     to_x, to_y, at_x, at_y = camera.pixel_to_view
@@ -139,26 +158,24 @@ def _round_pixels(points: Doubles, row: int, rsm: ReflectiveShadowMap, texels: D
     half = 0.5 * np.array([columns, rows])
     middle = (middle + 1.0) * half
     radius = np.linalg.norm(np.maximum(middle, 2.0 * half - middle), axis=-1)
-    if np.isfinite(params.radius):
-        radius = np.full(len(points), params.radius * max(rows, columns))
-    pattern = _turned(disk_pattern(params.samples, "unbiased"), turn)
+    if np.isfinite(reach):
+        radius = np.full(len(points), reach * max(rows, columns))
+    pattern = _turned(disk_pattern(samples, weights), turn)
     at = middle[:, None] + radius[:, None, None] * pattern[..., :2]
     inside = (at >= 0.0).all(axis=-1) & (at < 2.0 * half).all(axis=-1)
     column, line = np.moveaxis(np.clip(np.floor(at), 0, 2.0 * half - 1.0).astype(np.intp), -1, 0)
-    count = np.where(inside, radius[:, None] ** 2 * pattern[..., 3], 0.0)
-    return texels.weighted(line * columns + column, count)
+    return line * columns + column, np.where(inside, radius[:, None] ** 2 * pattern[..., 3], 0.0)
 
 
-def _in_cap(points: Doubles, turn: Doubles, rsm: ReflectiveShadowMap, texels: Discs, params: RsmGatherParams) -> Discs:
-    """Return [columns, samples] discs in directions round each pixel's, of a point light."""
+def _in_cap(points: Doubles, turn: Doubles, rsm: ReflectiveShadowMap, cap: Doubles) -> tuple[NDArray[np.intp], Doubles]:
+    """Return the samples of a point light: of a pattern of directions round that of each point."""
     length = np.sqrt(np.maximum(np.sum(points**2, axis=-1, keepdims=True), LEAST))
     x, y, z = np.moveaxis(points / length, -1, 0)
     a = 1.0 / np.maximum(1.0 + z, 1e-6)
     across = np.stack([1.0 - x * x * a, -x * y * a, -x], axis=-1)
     along = np.stack([-x * y * a, 1.0 - y * y * a, -y], axis=-1)
     frame = np.stack([across, along, points / length], axis=1)
-    reach = min(0.5 * np.pi * params.radius, np.pi)
-    pattern = _turned(cap_pattern(params.samples, "unbiased", reach), turn)
+    pattern = _turned(cap, turn)
     direction = pattern[..., :3] @ frame
     main = np.abs(direction).argmax(axis=-1)
     face = 2 * main + (np.take_along_axis(direction, main[..., None], -1)[..., 0] < 0.0)
@@ -170,7 +187,7 @@ def _in_cap(points: Doubles, turn: Doubles, rsm: ReflectiveShadowMap, texels: Di
     column = np.clip(np.floor((slope[..., 0] - at_x) / to_x), 0, columns - 1).astype(np.intp)
     line = np.clip(np.floor((slope[..., 1] - at_y) / to_y), 0, rows - 1).astype(np.intp)
     texel_angle = abs(to_x * to_y) / (1.0 + np.sum(slope**2, axis=-1)) ** 1.5
-    return texels.weighted((face * rows + line) * columns + column, pattern[..., 3] / texel_angle)
+    return (face * rows + line) * columns + column, pattern[..., 3] / texel_angle
 
 
 def _turned(pattern: Doubles, angle: Doubles) -> Doubles:

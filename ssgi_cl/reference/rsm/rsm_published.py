@@ -12,9 +12,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
 from ssgi_cl.reference.rsm.rsm import texels
-
-TURN = math.pi * (math.sqrt(5.0) - 1.0)
-"""Radians from one sample of the disk to the next."""
+from ssgi_cl.reference.rsm.rsm_gather import receivers, samples_round
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,13 +39,8 @@ def rsm_published_reference(
     step = settings.spacing
     there = np.isfinite(view.inner(view.depth))
     points, normals = view.inner(view.positions()), view.inner(view.normal)
-    full = np.zeros((rows, columns, 3))
-    of_texels = [texels(rsm) for rsm in rsms]
-    for y, x in np.argwhere(there):
-        full[y, x] = sum(
-            _gathered(points[y, x], normals[y, x], view, rsm, made, settings)
-            for rsm, made in zip(rsms, of_texels, strict=True)
-        )
+    light = sum((_gathered(view, rsm, settings) for rsm in rsms), np.zeros((rows, columns, 3)))
+    full = np.where(there[..., None], light, 0.0)
     low_rows, low_columns = (np.minimum(np.arange(0, length, step) + step // 2, length - 1) for length in view.size)
     gathered = np.zeros((rows, columns), np.bool_)
     gathered[np.ix_(low_rows, low_columns)] = there[np.ix_(low_rows, low_columns)]
@@ -79,83 +72,17 @@ def rsm_published_reference(
     return result, gathered
 
 
-def _gathered(
-    point: Doubles,
-    normal: Doubles,
-    view: SurfaceView,
-    rsm: ReflectiveShadowMap,
-    made: tuple[Doubles, Doubles, Doubles],
-    settings: Settings,
-) -> Doubles:
-    """Return [3] the irradiance at a point of the camera's view space, by samples of one map, of
-    whose texels `made` is what `texels` says."""
-    position, towards, area = made
-    turn = view.camera.view[:3, :3]
-    x = point @ turn + (view.camera.position - rsm.cameras[0].position)
-    row, column, weight = _in_disk(x, rsm, settings)
-    flux = np.asarray(rsm.flux, np.float64)[row, column] * np.isfinite(np.asarray(rsm.depth)[row, column])[:, None]
-    n = towards[row, column]
-    way = position[row, column] - settings.offset * np.sqrt(area[row, column])[:, None] * n - x
-    square = np.maximum(np.sum(way**2, axis=1), 1e-18)
-    falls = np.maximum(way @ (normal @ turn), 0.0)
-    leaves = np.maximum(-np.sum(way * n, axis=1), 0.0)
-    result: Doubles = (weight * falls * leaves / (math.pi * square**2)) @ flux
-    return result
-
-
-def _in_disk(
-    x: Doubles, rsm: ReflectiveShadowMap, settings: Settings
-) -> tuple[NDArray[np.intp], NDArray[np.intp], Doubles]:
-    """Return rows and columns of the samples round a point, and how many texels each stands for."""
-    first = np.arange(settings.samples)
-    xi1 = np.asarray((first + 0.5) / settings.samples, np.float64)
-    angle = np.asarray(first * TURN, np.float64)
-    share: Doubles = xi1**2 / np.sum(xi1**2)
-    if len(rsm.cameras) == 6:
-        return _in_cap(x, rsm, settings, xi1, angle, share)
-    camera = rsm.cameras[0]
-    size = np.array([camera.width, camera.height], np.float64)
-    to_x, to_y, at_x, at_y = camera.pixel_to_view
-    local = camera.view[:3, :3] @ x
-    k = 1.0 if camera.is_orthographic else -local[2]
-    # Of the middle of the map: what lies outside, or behind the light, is moved to the border.
-    half = np.array([to_x, to_y]) * size / 2.0
-    off = (local[:2] - k * (np.array([at_x, at_y]) + half)) / half
-    at = (off / max(np.abs(off).max(), k, 1e-30) + 1.0) * size / 2.0
-    radius = settings.radius * size.max()
-    places = at + radius * xi1[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    inside = np.all((places >= 0.0) & (places < size), axis=1)
-    column, row = np.clip(places, 0, size - 1).astype(np.intp).T
-    return row, column, np.where(inside, math.pi * radius**2 * share, 0.0)
-
-
-def _in_cap(
-    x: Doubles, rsm: ReflectiveShadowMap, settings: Settings, xi1: Doubles, angle: Doubles, share: Doubles
-) -> tuple[NDArray[np.intp], NDArray[np.intp], Doubles]:
-    """Return what `_in_disk` does for a point light: directions round that of the point."""
-    reach = min(0.5 * math.pi * settings.radius, math.pi)
-    w = x / np.linalg.norm(x)
-    # Any frame round w gives other samples; this is the one of Frisvad 2012.
-    a = 1.0 / max(1.0 + w[2], 1e-6)
-    t = np.array([1.0 - w[0] ** 2 * a, -w[0] * w[1] * a, -w[0]])
-    s = np.array([-w[0] * w[1] * a, 1.0 - w[1] ** 2 * a, -w[1]])
-    polar = reach * xi1
-    way = (
-        np.outer(np.sin(polar) * np.cos(angle), t)
-        + np.outer(np.sin(polar) * np.sin(angle), s)
-        + np.outer(np.cos(polar), w)
-    )
-    rows, columns, count = (np.empty(len(xi1)) for _ in range(3))
-    height = np.asarray(rsm.depth).shape[0] // 6
-    for i, direction in enumerate(way):
-        face = 2 * int(np.abs(direction).argmax())
-        face += int(direction[face // 2] < 0.0)
-        camera = rsm.cameras[face]
-        to_x, to_y, at_x, at_y = camera.pixel_to_view
-        local = camera.view[:3, :3] @ direction
-        slope = local[:2] / -local[2]
-        columns[i] = np.clip((slope[0] - at_x) / to_x, 0, camera.width - 1)
-        rows[i] = face * height + int(np.clip((slope[1] - at_y) / to_y, 0, height - 1))
-        count[i] = (1.0 + slope @ slope) ** 1.5 / abs(to_x * to_y)
-    cap = 2.0 * math.pi * (1.0 - math.cos(reach))
-    return rows.astype(np.intp), columns.astype(np.intp), cap * share * count
+def _gathered(view: SurfaceView, rsm: ReflectiveShadowMap, settings: Settings) -> Doubles:
+    """Return the irradiance of all pixels by samples of one map, [rows, columns, 3]."""
+    position, towards, area = (values.reshape(-1, *values.shape[2:]) for values in texels(rsm))
+    flux = np.asarray(rsm.flux, np.float64).reshape(-1, 3) * np.isfinite(np.asarray(rsm.depth)).reshape(-1, 1)
+    light = np.zeros((*view.size, 3))
+    for row, x, normal in zip(light, *receivers(view, rsm), strict=True):
+        index, weight = samples_round(x, rsm, settings.samples, settings.radius, "paper", np.zeros(len(x)))
+        n = towards[index]
+        way = position[index] - settings.offset * np.sqrt(area[index])[..., None] * n - x[:, None]
+        square = np.maximum(np.sum(way**2, axis=-1), 1e-18)
+        falls = np.maximum(np.sum(way * normal[:, None], axis=-1), 0.0)
+        leaves = np.maximum(-np.sum(way * n, axis=-1), 0.0)
+        row += np.sum((weight * falls * leaves / (math.pi * square**2))[..., None] * flux[index], axis=1)
+    return light

@@ -1,4 +1,4 @@
-"""Bent normals in world space, from what scans of slices found."""
+"""Bent normals in world space, from the mean unoccluded direction of the slices of a pixel."""
 
 from __future__ import annotations
 
@@ -6,14 +6,15 @@ from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import VIEW_ROTATION, DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import rotation_values
+from ssgi_cl.techniques.source import camera_of
 
 LEAST_OPEN = 0.02
-"""What a bent normal has along the normal at least, relative to where all is open: where less is
-open than noise, it leans to the normal, and it never lies below the surface."""
+"""Least component of a bent normal along the normal, relative to an unoccluded surface: where less
+is unoccluded than noise, it leans to the normal, and it never lies below the surface."""
 
 
 class BentNormals:
-    """Turns what bends normals into bent normals, prepared for images of one size."""
+    """Pass that adds bends to normals and normalises the sum, prepared for images of one size."""
 
     def __init__(self, runtime: Runtime, size: Size) -> None:
         self._kernel = runtime.kernel("gtao/gtao_bent.cl", {}, (VIEW_ROTATION,))
@@ -27,9 +28,7 @@ class BentNormals:
             gbuffer: whose normals are bent.
             scanned: A, then 3 images of what bends the normal in view space; more may follow.
         """
-        camera = gbuffer.camera
-        assert camera is not None  # noqa: S101  a filled G-buffer has one
-        to_world = camera.view[:3, :3].T
+        to_world = camera_of(gbuffer).view[:3, :3].T
         self._kernel.run(
             self._size,
             scanned=scanned,

@@ -13,15 +13,8 @@ from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import param
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime, serialised
-from ssgi_cl.techniques.ao.slices import (
-    MACROS,
-    PRESET_LAYERS,
-    TUNABLE,
-    SliceKeywords,
-    SliceParams,
-    SliceTechnique,
-    made_for,
-)
+from ssgi_cl.techniques.ao.occlusion import made_for
+from ssgi_cl.techniques.ao.slices import MACROS, PRESET_LAYERS, TUNABLE, SliceKeywords, SliceParams, SliceTechnique
 from ssgi_cl.techniques.filters.bilateral import BilateralParams
 from ssgi_cl.techniques.technique import Bench, Technique
 
@@ -75,7 +68,7 @@ class BitmaskParams(SliceParams):
     )
 
     def in_front_of(self, layers: int) -> Self:
-        """Return them as the first of so many depth layers is read."""
+        """Return the parameters with which the first of so many depth layers is read."""
         if not self.joined or layers == 1:
             return self
         return replace(self, taps=min(round(self.taps * (10 + layers) / 7), MOST_TAPS))
@@ -87,13 +80,13 @@ class BitmaskParams(SliceParams):
 
     @property
     def blur(self) -> BilateralParams:
-        """What A is blurred with: joined taps leave so little noise that a narrower one does."""
+        """Parameters of the blur of A: a narrower one suffices for joined taps, which have less noise."""
         blur = super().blur
         return replace(blur, sigma=JOINED_SIGMA * (blur.radius + 1)) if self.joined else blur
 
     @property
     def overshoot(self) -> float:
-        """Half of the last taps lie beyond the radius, where surfaces are cut off."""
+        """Shift of the taps: half of the last ones lie beyond the radius, where surfaces end."""
         return 0.5 if self.joined else 0.0
 
 
@@ -108,7 +101,7 @@ class BitmaskKeywords(SliceKeywords, total=False):
 
 
 class BitmaskAo(SliceTechnique[BitmaskParams]):
-    """Bitmask AO, prepared for images of one size; see `SliceTechnique` for the arguments.
+    """Bitmask AO, prepared for images of one size; see `OcclusionTechnique` for the arguments.
 
     Therrien et al. 2023. Departs: see `bitmask_ao`.
     """

@@ -1,6 +1,6 @@
 """Ground-truth ambient occlusion: cosine-weighted, from the highest horizons of slices.
 
-With bent normals, the mean unoccluded direction comes from the same horizons.
+Bent normals, the mean unoccluded directions, come from the same horizons.
 """
 
 from __future__ import annotations
@@ -14,19 +14,12 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import param
-from ssgi_cl.device.arrays import Plane, Size
+from ssgi_cl.device.arrays import Plane
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.techniques.ao.bent_normals import BentNormals
-from ssgi_cl.techniques.ao.slices import (
-    MACROS,
-    PRESET_LAYERS,
-    TUNABLE,
-    SliceKeywords,
-    SliceParams,
-    SliceTechnique,
-    made_for,
-)
+from ssgi_cl.techniques.ao.occlusion import made_for
+from ssgi_cl.techniques.ao.slices import MACROS, PRESET_LAYERS, TUNABLE, SliceKeywords, SliceParams, SliceTechnique
 from ssgi_cl.techniques.technique import Bench, Technique
 
 
@@ -65,7 +58,7 @@ class GtaoKeywords(SliceKeywords, total=False):
 
 
 class Gtao(SliceTechnique[GtaoParams]):
-    """GTAO, prepared for images of one size; see `SliceTechnique` for the arguments.
+    """GTAO, prepared for images of one size; see `OcclusionTechnique` for the arguments.
 
     Jimenez et al. 2016. Departs: see `gtao`.
 
@@ -76,12 +69,10 @@ class Gtao(SliceTechnique[GtaoParams]):
     name = "gtao"
     defaults = GtaoParams
 
-    def __init__(
-        self, runtime: Runtime, size: Size, params: GtaoParams | None = None, margin: Size = (0, 0), layers: int = 1
-    ) -> None:
-        super().__init__(runtime, size, params, margin, layers)
+    def _prepare(self) -> None:
+        super()._prepare()
         if self.params.bent_normals:
-            self._bent = BentNormals(runtime, size)
+            self._bent = BentNormals(self.runtime, self.size)
 
     def run(self, gbuffer: DeviceGBuffer) -> Plane:
         """Queue the passes; return the plane. Nothing is allocated after the first call."""

@@ -14,15 +14,8 @@ from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import param
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime, serialised
-from ssgi_cl.techniques.ao.slices import (
-    MACROS,
-    PRESET_LAYERS,
-    TUNABLE,
-    SliceKeywords,
-    SliceParams,
-    SliceTechnique,
-    made_for,
-)
+from ssgi_cl.techniques.ao.occlusion import made_for
+from ssgi_cl.techniques.ao.slices import MACROS, PRESET_LAYERS, TUNABLE, SliceKeywords, SliceParams, SliceTechnique
 from ssgi_cl.techniques.technique import Bench, Technique
 
 
@@ -61,7 +54,7 @@ class HbaoKeywords(SliceKeywords, total=False):
 
 
 class Hbao(SliceTechnique[HbaoParams]):
-    """HBAO, prepared for images of one size; see `SliceTechnique` for the arguments.
+    """HBAO, prepared for images of one size; see `OcclusionTechnique` for the arguments.
 
     Bavoil and Sainz 2008. Departs: see `hbao`.
     """

@@ -26,7 +26,7 @@ SCALE = (
 
 @checked_keywords
 def multi_bounce(ao: ArrayLike, albedo: ArrayLike) -> NDArray[np.float32]:
-    """Brighten A by the light that what hides the surroundings reflects in its turn.
+    """Brighten A by the light that nearby occluders reflect.
 
     The cubic that Jimenez et al. 2016 ("Practical Realtime Strategies for Accurate Indirect
     Occlusion") fitted to paths traced in scenes of a single albedo: good where

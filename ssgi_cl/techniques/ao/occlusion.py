@@ -1,11 +1,11 @@
-"""What techniques of ambient occlusion share: reduce, occlude, blur, bring back to full size."""
+"""Base of the ambient occlusion techniques: reduce, occlude, blur, upsample to full size."""
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, TypedDict
+from typing import Any, ClassVar, TypedDict, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,11 +19,12 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.transient import Target
 from ssgi_cl.techniques.filters.bilateral import Bilateral, BilateralParams
 from ssgi_cl.techniques.filters.upsample import ReducedGBuffer, Upsample, UpsampleBlur, UpsampleParams, coarse_size
+from ssgi_cl.techniques.presets.choose import params_for
 from ssgi_cl.techniques.source import Source
 
 RESOLUTIONS = {"full": 1, "half": 2, "quarter": 4}
 BLUR_DEPTH_SIGMA = 0.002
-"""Of the blur, a pixel of the result: so little off their plane, reliefs a few pixels wide stay."""
+"""Of the blur, per pixel of the result: small enough to keep reliefs a few pixels wide."""
 BLUR_RESOLUTIONS = ("own", "full")
 """Size at which the blur works: that at which occlusion is computed, or the full one."""
 
@@ -48,12 +49,12 @@ class OcclusionParams(Params):
 
     @property
     def channels(self) -> int:
-        """Images of a result: A, and what else the technique finds; all are blurred alike."""
+        """Images of a result: A, and the technique's other results; all are blurred alike."""
         return 1
 
     @property
     def blur(self) -> BilateralParams:
-        """What A is blurred with."""
+        """Parameters of the blur of A."""
         step = RESOLUTIONS[self.resolution] if self.blur_resolution == "own" else 1
         return BilateralParams(radius=self.blur_radius, passes=self.blur_passes, depth_sigma=BLUR_DEPTH_SIGMA * step)
 
@@ -108,9 +109,14 @@ class OcclusionTechnique(Prepared[Any], ABC):
         last = step == 1 and not self._blur.active
         self._visibility = Target(runtime, channels, coarse, 1.0, kept=last)
         runtime.transient.reserve(2 * plane_bytes(channels, coarse))
+        self._prepare()
+
+    @abstractmethod
+    def _prepare(self) -> None:
+        """Compile the kernels, and allocate what they read beside the G-buffer."""
 
     def run(self, gbuffer: DeviceGBuffer) -> Plane:
-        """Queue the passes; return the plane of A, and of what else the technique finds.
+        """Queue the passes; return the plane of A, and of the technique's other results.
 
         Nothing is allocated after the first call.
         """
@@ -147,17 +153,29 @@ class OcclusionTechnique(Prepared[Any], ABC):
 
     @abstractmethod
     def _occlude(self, out: Plane, gbuffer: DeviceGBuffer, source: Source, region: Region | None) -> None:
-        """Queue what writes A to `out` from `source`: the G-buffer, or it reduced.
+        """Queue the passes that write A to `out` from `source`: the G-buffer, full or reduced.
 
         Only pixels in `region` are needed.
         """
 
-    def _margins(self, source: Source) -> dict[str, int]:
-        """Return how far `source` exceeds what `_occlude` writes on each side, for a struct."""
-        rows, columns = self._visibility.size
-        return {
-            "margin_left": source.margin[1],
-            "margin_right": source.whole[1] - columns - source.margin[1],
-            "margin_top": source.margin[0],
-            "margin_bottom": source.whole[0] - rows - source.margin[0],
-        }
+
+T = TypeVar("T", bound=OcclusionTechnique)
+
+
+def made_for(
+    technique: type[T], gbuffer: GBuffer | DeviceGBuffer, runtime: Runtime | None, **given: Any
+) -> tuple[T, DeviceGBuffer]:
+    """Return a technique, prepared unless it was before, and the G-buffer on its device.
+
+    Args:
+        technique: its class.
+        gbuffer, runtime, **given: as its function was called; see `params_for`.
+    """
+    params = params_for(technique, gbuffer, runtime, **given)
+    device = on_device(gbuffer, runtime)
+    made: T = device.runtime.prepared(
+        (technique, device.size, device.margin, device.layers, params.shape()),
+        lambda: technique(device.runtime, device.size, params, device.margin, device.layers),
+    )
+    made.params = params
+    return made, device

@@ -1,4 +1,4 @@
-"""What HBAO, GTAO and the visibility bitmask share: a scan of the depth in slices round a pixel."""
+"""Scan of the depth in slices round a pixel: base of HBAO, GTAO and the visibility bitmask."""
 
 from __future__ import annotations
 
@@ -10,21 +10,19 @@ from typing import Any, ClassVar, Generic, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import Prepared, param
 from ssgi_cl.core.sampling import TILE_ORDER
 from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size, plane_bytes
-from ssgi_cl.device.constants import SLICES_GROUP, SLICES_LEAST_N_DOT_V, SLICES_NEAREST_TAP, SLICES_STRIP
-from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
+from ssgi_cl.device.constants import SLICES_GROUP, SLICES_STRIP
+from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.device.transient import ImageParts, Target
 from ssgi_cl.techniques.ao.occlusion import RESOLUTIONS, OcclusionKeywords, OcclusionParams, OcclusionTechnique
 from ssgi_cl.techniques.filters.upsample import coarse_size
-from ssgi_cl.techniques.presets.choose import params_for
-from ssgi_cl.techniques.source import Source
+from ssgi_cl.techniques.source import Source, border_values
 
 SLICES = Struct(
     "SliceParams",
@@ -36,17 +34,8 @@ SLICES = Struct(
     ),
 )
 
-GROUP = SLICES_GROUP
-
-STRIP = SLICES_STRIP
-
-SIMILAR = 0.4
-"""Those whose 1 / depth is at least this part of the nearest's share its slices."""
-
 TILE = 4
 """Rows and columns after which the pattern of slices repeats; the blur is made for it."""
-
-NEAREST_TAP = SLICES_NEAREST_TAP
 
 DEPTH_BIAS = 4e-6
 """Bias relative to the distance from the eye: some roundings of a float32 position (2^-24 each)."""
@@ -61,13 +50,6 @@ TUNABLE: Mapping[str, Sequence[Any]] = {"slices": [1, 2, 3, 4, 8], "resolution":
 """Parameters by which presets differ."""
 PRESET_LAYERS = (1, 2, 4)
 """Numbers of depth layers that presets are recorded for."""
-
-LEAST_N_DOT_V = SLICES_LEAST_N_DOT_V
-"""Cosine between normal and view ray that a grazing or averted normal is taken to have.
-
-Angles are measured from the tangent plane, in parts of this cosine: where it is smaller, that a tap
-lies at a whole pixel beside its slice counts more than what it shows, and pixels at silhouettes
-turn black. Planes stay open at any tilt: nothing of them is above them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,12 +74,12 @@ class SliceParams(OcclusionParams):
     contrast: float = param(1.0, "exponent of A before the blur", low=0.1, high=10.0)
 
     def in_front_of(self, layers: int) -> Self:
-        """Return them as the first of so many depth layers is read."""
+        """Return the parameters with which the first of so many depth layers is read."""
         return self
 
     @property
     def overshoot(self) -> float:
-        """By how many taps the taps are moved away from the receiver."""
+        """Shift of the taps away from the receiver, in distances between taps."""
         return 0.0
 
 
@@ -111,7 +93,7 @@ class SliceKeywords(OcclusionKeywords, total=False):
 
 @dataclass(frozen=True, eq=False)
 class Pattern:
-    """Where the pixels of a tile scan.
+    """Slices and taps of the pixels of a tile.
 
     Attributes:
         angle: [4, 4, slices] of each slice from +columns towards +rows, radians, in [0, pi).
@@ -155,7 +137,7 @@ def table(params: SliceParams) -> NDArray[np.float32]:
         [
             np.stack([np.cos(made.angle), np.sin(made.angle), made.dither], axis=-1),
             made.share,
-            np.zeros((*made.share.shape[:3], -params.taps % GROUP)),
+            np.zeros((*made.share.shape[:3], -params.taps % SLICES_GROUP)),
         ],
         axis=-1,
     )
@@ -163,7 +145,7 @@ def table(params: SliceParams) -> NDArray[np.float32]:
 
 
 class SliceScan(Prepared[SliceParams]):
-    """What a scan of slices reads, prepared for G-buffers of one size.
+    """Inputs of a scan of slices, prepared for G-buffers of one size.
 
     Args:
         runtime: the device.
@@ -188,7 +170,7 @@ class SliceScan(Prepared[SliceParams]):
         # Column 0 of the result begins a tile.
         self._lead = -reduced_margin[1] % TILE
         quarter = -(-(self._whole[1] + self._lead) // TILE)
-        self._stride = -(-quarter // GROUP) * GROUP + GROUP
+        self._stride = (-(-quarter // SLICES_GROUP) + 1) * SLICES_GROUP
         self._first = (margin[0] % step, margin[1] % step)
 
     def _set(self, params: SliceParams) -> None:
@@ -204,14 +186,14 @@ class SliceScan(Prepared[SliceParams]):
     def grid(self) -> Size:
         """Return (rows, columns) of work-items: a strip's are below one another's."""
         rows, columns = self.size
-        return rows * -(-columns // STRIP), STRIP // self.runtime.variant.lanes
+        return rows * -(-columns // SLICES_STRIP), SLICES_STRIP // self.runtime.variant.lanes
 
     def strips(self, region: Region | None) -> list[Region | None]:
         """Return the parts of `grid` that scan a window of the result, one a strip."""
         if region is None:
             return [None]
         _, columns = self.grid
-        first, (_, count) = region.cells((1, STRIP))
+        first, (_, count) = region.cells((1, SLICES_STRIP))
         return [
             Region(strip * self.size[0] + region.row, 0, region.rows, columns)
             for strip in range(first[1], first[1] + count)
@@ -259,10 +241,9 @@ class SliceScan(Prepared[SliceParams]):
         return Region(coarse.row, 0, coarse.rows, columns)
 
     def sorted(self, images: Plane | ImageParts, region: Region | None = None) -> DeviceArray:
-        """Queue the passes that put images, of the G-buffer's whole size, where `inv_depth` has
-        depth.
+        """Queue the passes that sort images of the G-buffer's whole size as `inv_depth` sorts depth.
 
-        They are 0 outside of `region`.
+        The results are 0 outside of `region`.
         """
         parts: Iterable[tuple[int, Plane]] = [(0, images)] if not isinstance(images, ImageParts) else images.parts
         array, over = self._array(images.count, region)
@@ -331,10 +312,7 @@ class SliceScan(Prepared[SliceParams]):
                 "contrast": params.contrast,
                 "stride": self._stride,
                 "lead": self._lead,
-                "margin_left": source.margin[1],
-                "margin_right": source.whole[1] - self.size[1] - source.margin[1],
-                "margin_top": source.margin[0],
-                "margin_bottom": source.whole[0] - self.size[0] - source.margin[0],
+                **border_values(source, self.size),
                 **values,
             }
         )
@@ -344,30 +322,16 @@ P = TypeVar("P", bound=SliceParams)
 
 
 class SliceTechnique(OcclusionTechnique, Generic[P]):
-    """A technique that scans slices, prepared for images of one size.
-
-    Args:
-        runtime: the device.
-        size: (rows, columns) of the result.
-        params: of the technique.
-        margin: (rows, columns) by which the G-buffers exceed the result on every side.
-        layers: depth layers of the G-buffers.
-    """
+    """A technique that scans slices; see `OcclusionTechnique` for the arguments."""
 
     reads_thickness: ClassVar[bool] = False
-    """Whether it looks at the thickness that a G-buffer may have for each pixel."""
+    """Whether the technique reads the per-pixel thickness that a G-buffer may have."""
 
-    def __init__(
-        self, runtime: Runtime, size: Size, params: P | None = None, margin: Size = (0, 0), layers: int = 1
-    ) -> None:
-        super().__init__(runtime, size, params, margin, layers)
-        in_front = self.params.in_front_of(layers)
-        self._scan = SliceScan(runtime, size, in_front, margin, layers)
-        runtime.transient.reserve(
-            plane_bytes(self.params.channels, self._scan.size)
-            + max(plane_bytes(self.params.channels, self._scan.size), plane_bytes(layers, self._scan.sorted_size))
-        )
-        self._kernels: dict[bool, Kernel] = {}
+    def _prepare(self) -> None:
+        in_front = self.params.in_front_of(self.layers)
+        self._scan = scan = SliceScan(self.runtime, self.size, in_front, self.margin, self.layers)
+        result = plane_bytes(self.params.channels, scan.size)
+        self.runtime.transient.reserve(result + max(result, plane_bytes(self.layers, scan.sorted_size)))
         self._kernel(thick=False)
 
     def _set(self, params: P) -> None:
@@ -375,13 +339,8 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
 
     def _kernel(self, *, thick: bool) -> Kernel:
         """Return the kernel that scans all layers, without or with thickness by pixel."""
-        if thick not in self._kernels:
-            scan = self._scan
-            macros = scan.macros(thick=thick, reads_thickness=self.reads_thickness)
-            self._kernels[thick] = self.runtime.kernel(
-                f"{self.name}/{self.name}.cl", {**macros, **self._macros()}, (CAMERA, SLICES)
-            )
-        return self._kernels[thick]
+        macros = self._scan.macros(thick=thick, reads_thickness=self.reads_thickness)
+        return self.runtime.kernel(f"{self.name}/{self.name}.cl", {**macros, **self._macros()}, (CAMERA, SLICES))
 
     def _check(self, gbuffer: DeviceGBuffer) -> None:
         check_shape(gbuffer, self.size, self.margin, self.layers)
@@ -423,28 +382,6 @@ def check_shape(gbuffer: DeviceGBuffer, size: Size, margin: Size, layers: int) -
         )
 
 
-T = TypeVar("T", bound=SliceTechnique[Any])
-
-
 def _ortho_unit(camera: Any, step: int) -> float:
     """Return 1 / the width of every `step`-th of a camera's pixels, per scene unit."""
     return abs(float(camera["from_x"])) / step
-
-
-def made_for(
-    technique: type[T], gbuffer: GBuffer | DeviceGBuffer, runtime: Runtime | None, **given: Any
-) -> tuple[T, DeviceGBuffer]:
-    """Return a technique, prepared unless it was before, and the G-buffer on its device.
-
-    Args:
-        technique: its class.
-        gbuffer, runtime, **given: what its function was called with; see `params_for`.
-    """
-    params = params_for(technique, gbuffer, runtime, **given)
-    device = on_device(gbuffer, runtime)
-    made: T = device.runtime.prepared(
-        (technique, device.size, device.margin, device.layers, params.shape()),
-        lambda: technique(device.runtime, device.size, params, device.margin, device.layers),
-    )
-    made.params = params
-    return made, device

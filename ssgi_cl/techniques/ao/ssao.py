@@ -15,13 +15,12 @@ from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import param
 from ssgi_cl.core.sampling import DEPTH_BIAS, TILE_ORDER
 from ssgi_cl.device.active_region import Region
-from ssgi_cl.device.arrays import Plane, Size
-from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
+from ssgi_cl.device.arrays import Plane
+from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, Struct, floats
-from ssgi_cl.techniques.ao.occlusion import OcclusionKeywords, OcclusionParams, OcclusionTechnique
-from ssgi_cl.techniques.presets.choose import params_for
-from ssgi_cl.techniques.source import Source
+from ssgi_cl.techniques.ao.occlusion import OcclusionKeywords, OcclusionParams, OcclusionTechnique, made_for
+from ssgi_cl.techniques.source import Source, border_values, check_size
 from ssgi_cl.techniques.technique import Bench, Technique
 
 SSAO = Struct(
@@ -190,33 +189,23 @@ def point_table(params: SsaoParams) -> NDArray[np.float32]:
 
 
 class Ssao(OcclusionTechnique):
-    """SSAO, prepared for images of one size.
+    """SSAO, prepared for images of one size; see `OcclusionTechnique` for the arguments.
 
-    Mittring 2007; Filion and McNaughton 2008. Departs: see `ssao`.
-
-    Args:
-        runtime: the device.
-        size: (rows, columns) of the result.
-        params: see `SsaoParams`.
-        margin: (rows, columns) by which the G-buffers exceed the result on every side.
-        layers: depth layers of the G-buffers, of which SSAO reads the front one.
+    Mittring 2007; Filion and McNaughton 2008. Departs: see `ssao`. Reads the front layer alone.
     """
 
     name = "ssao"
     defaults = SsaoParams
 
-    def __init__(
-        self, runtime: Runtime, size: Size, params: SsaoParams | None = None, margin: Size = (0, 0), layers: int = 1
-    ) -> None:
-        super().__init__(runtime, size, params, margin, layers)
+    def _prepare(self) -> None:
         params = self.params
         most = max(params.samples, params.max_samples)
         curve = np.zeros(2) if isinstance(params.falloff, str) else np.asarray(params.falloff)
-        self._kernel = runtime.kernel(
+        self._kernel = self.runtime.kernel(
             "ssao/ssao.cl",
             {
                 "SSAO_MOST_SAMPLES": most,
-                "SSAO_RADII": len(params.radius),  # type: ignore[arg-type]  # a tuple once checked
+                "SSAO_RADII": len(params.radius),
                 "SSAO_HEMISPHERE": int(params.hemisphere),
                 "SSAO_FALLOFF": FALLOFFS.index(params.falloff) if isinstance(params.falloff, str) else len(FALLOFFS),
                 "SSAO_CURVE_SIZE": len(curve),
@@ -224,8 +213,8 @@ class Ssao(OcclusionTechnique):
             },
             (CAMERA, SSAO),
         )
-        self._points = runtime.array(point_table(params))
-        self._curve = runtime.array(curve.astype(np.float32))
+        self._points = self.runtime.array(point_table(params))
+        self._curve = self.runtime.array(curve.astype(np.float32))
 
     def _set(self, params: SsaoParams) -> None:
         if params.length_power != self.params.length_power:
@@ -234,11 +223,7 @@ class Ssao(OcclusionTechnique):
             self._curve.upload(np.asarray(params.falloff, np.float32))
 
     def _check(self, gbuffer: DeviceGBuffer) -> None:
-        if (gbuffer.size, gbuffer.margin) != (self.size, self.margin):
-            raise ValueError(
-                f"the G-buffer's size and margin are {gbuffer.size} and {gbuffer.margin}: "
-                f"expected {self.size} and {self.margin}"
-            )
+        check_size(gbuffer, self.size, self.margin)
 
     def _occlude(self, out: Plane, gbuffer: DeviceGBuffer, source: Source, region: Region | None) -> None:
         self._kernel.run(
@@ -275,7 +260,7 @@ class Ssao(OcclusionTechnique):
                 "curve_scale": (curve_size - 1) / params.falloff_end,
                 "contrast": params.contrast,
                 "border_depth": params.outside if isinstance(params.outside, float) else math.inf,
-                **self._margins(source),
+                **border_values(source, self._visibility.size),
             }
         )
 
@@ -319,7 +304,7 @@ def ssao(
     radii = checks.as_array("radius", radius)
     if radii.dtype.kind not in "fiu":
         raise TypeError(f"radius is {radius!r}: expected 1 to 4 numbers (scene units)")
-    chosen: SsaoParams = params_for(
+    technique, device = made_for(
         Ssao,
         gbuffer,
         runtime,
@@ -330,12 +315,6 @@ def ssao(
         budget_ms=budget_ms,
         **params,
     )
-    device = on_device(gbuffer, runtime)
-    technique: Ssao = device.runtime.prepared(
-        (Ssao, device.size, device.margin, chosen.shape()),
-        lambda: Ssao(device.runtime, device.size, chosen, device.margin),
-    )
-    technique.params = chosen
     return technique(device)
 
 

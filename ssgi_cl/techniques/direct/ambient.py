@@ -1,4 +1,4 @@
-"""Ambient light: the irradiance that environments bring to a surface with nothing round it.
+"""Ambient light: irradiance of an unoccluded surface by environments.
 
 E(n) = Int L(w) max(0, n.w) dw is stored at the vertices of an octahedron with subdivided faces, and
 interpolated linearly on each triangle: kernels/direct/ambient.clh. All weights are >= 0, so E never
@@ -26,11 +26,11 @@ AMBIENT_SIZE = 64
 RMS (32: .008, 16: .024), and .019 of its greatest E at most (.038, .075)."""
 
 _PARTS = 64
-"""Rows of parts that an image is taken in, at least; twice as many columns. A part across the
-receiver's horizon counts as one direction, which costs a uniform sky 3e-4."""
+"""Least rows of parts of an image, with twice as many columns. A part across the receiver's horizon
+counts as one direction, which costs a uniform sky 3e-4."""
 
 _ROUNDING = 1e-14
-"""Of the greatest E: an upper bound of what is left of sums of parts that cancel."""
+"""Relative to the greatest E: an upper bound of the rounding error of parts that cancel."""
 
 _maps: WeakKeyDictionary[Environment, Doubles] = WeakKeyDictionary()
 
@@ -141,7 +141,7 @@ def _convolved(vectors: Doubles) -> Doubles:
     lower = ~upper
     total[lower] = total[half - z[lower], half - x[lower]]
     light: Doubles = 0.5 * (normal @ vectors.sum(axis=0).T + total)
-    # What nothing shines on is black, not a rounding of the brightest.
+    # Unlit normals are black, not a rounding of the brightest.
     light[light < _ROUNDING * light.max(axis=(0, 1))] = 0.0
     return light
 

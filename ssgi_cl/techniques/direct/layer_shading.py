@@ -1,9 +1,10 @@
-"""What surfaces send: radiance of every layer of a G-buffer under the lights of a scene."""
+"""Layer shading: radiance of the surfaces of every layer of a G-buffer under the lights of a scene."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from itertools import product
+from typing import TypedDict, Unpack
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from ssgi_cl.device.structs import ROTATION, Struct, floats, rotation_values
 from ssgi_cl.device.transient import ImageParts, TransientPlane
 from ssgi_cl.techniques.direct.ambient import Ambient
 from ssgi_cl.techniques.direct.light_data import PunctualLights, ShadowMap
+from ssgi_cl.techniques.source import camera_of, margin_values
 
 LIT = Struct(
     "LitParams",
@@ -27,8 +29,16 @@ LIT = Struct(
 )
 
 
+class Shading(TypedDict, total=False):
+    """Keyword arguments of `LitLayers.run`."""
+
+    shadows: Sequence[ShadowMap | None] | None
+    visibility: Plane | None
+    step: int
+
+
 class SenderRecords:
-    """What surfaces send and how they are turned, in one place for each pixel.
+    """Radiance and normals of surfaces, side by side for each pixel.
 
     Args:
         runtime: the device.
@@ -36,7 +46,7 @@ class SenderRecords:
         layers: of them that send.
 
     Attributes:
-        array: int32, as kernels/direct/records.clh has it; anything where nothing is.
+        array: int32, as kernels/direct/records.clh has it; undefined where nothing is.
     """
 
     def __init__(self, runtime: Runtime, whole: Size, layers: int) -> None:
@@ -45,13 +55,13 @@ class SenderRecords:
         self.array: DeviceArray = runtime.empty(4 * layers * whole[0] * -(-whole[1] // 16) * 16, np.int32)
 
     def pack(self, gbuffer: DeviceGBuffer, radiance: Plane) -> None:
-        """Queue the pass that makes them of normals and radiance, 3 images for each layer."""
+        """Queue the pass that packs normals and radiance, 3 images for each layer."""
         kernel = self.runtime.kernel("direct/layer_shading.cl", _macros(emission=True, records=True), (LIT,))
         for layer in range(self.layers):
             values = {**dict.fromkeys(LIT.dtype.names or (), 0), "facing": 1.0}
             kernel.run(
                 gbuffer.whole,
-                # Without light, what is sent is what is emitted.
+                # Without light, the pass writes emission.
                 depth=gbuffer.depth,
                 normal=gbuffer.normal,
                 albedo=radiance,
@@ -62,7 +72,7 @@ class SenderRecords:
 
 
 class LitLayers:
-    """Light that the surfaces of every layer send, prepared for images of one size.
+    """Radiance of the surfaces of every layer, prepared for images of one size.
 
     Args:
         runtime: the device.
@@ -70,16 +80,16 @@ class LitLayers:
         layers: depth layers of the G-buffers.
         attributes: layers of them that have normals, albedo and emission: 1, or all by default.
             The rest is dark.
-        punctual_lights: makes what lights a layer of size `whole`; by default `PunctualLights` that
-            keep nothing.
-        emission: whether surfaces send what they emit too.
-        backs: whether the sides that the camera doesn't see are lit too. What is closed turns the
+        punctual_lights: makes the pass of direct light for images of size `whole`; by default
+            `PunctualLights` that keep nothing.
+        emission: whether emission is added.
+        backs: whether the sides that the camera doesn't see are lit too. Closed surfaces turn the
             outer side of every other layer away from the camera.
 
     Attributes:
-        passes: of direct light.
-        lights: 3 images of `whole`: irradiance by lights on the front layer, W/m^2, or None if no
-            light shone on the last frame. Its memory goes to others where this is set to None.
+        lights: the pass of punctual lights.
+        punctual_lights: 3 images of `whole`: irradiance by lights on the front layer, W/m^2, or
+            None if no light shone on the last frame. Setting it to None frees its memory.
     """
 
     def __init__(
@@ -100,7 +110,7 @@ class LitLayers:
         self.punctual_lights: Plane | None = None
         self._emission = emission
         self._sides = (False, True) if backs else (False,)
-        self._punctual_lights = punctual_lights() if punctual_lights else PunctualLights(runtime, whole, kept=False)
+        self.lights = punctual_lights() if punctual_lights else PunctualLights(runtime, whole, kept=False)
         self._ambient = Ambient(runtime)
         self._records: SenderRecords | None = None
 
@@ -116,7 +126,7 @@ class LitLayers:
         """Queue the passes.
 
         Args:
-            gbuffer: whose layers send light as far as they have normals, albedo and emission.
+            gbuffer: whose layers are lit as far as they have normals, albedo and emission.
             lights: any number of lights.
             shadows: one entry for each light (None: it casts no shadow).
             visibility: its first image is A of every `step`-th pixel of the image; dims the light
@@ -127,97 +137,70 @@ class LitLayers:
             3 images for each layer (number 3 layer + channel), W m^-2 sr^-1, 0 where nothing is,
             with `backs` as many more behind them; None if all is dark.
         """
-        if not self._start(gbuffer, lights, shadows):
+        options: Shading = {"shadows": shadows, "visibility": visibility, "step": step}
+        if not self._start(gbuffer, lights, options):
             return None
         radiance = self.runtime.transient.plane(3 * self.layers * len(self._sides), self.whole)
         if self.attributes < self.layers and isinstance(radiance, TransientPlane):
             radiance.clear()
-        self._run(gbuffer, lights, shadows, visibility, step, radiance)
+        self._run(gbuffer, lights, options, radiance)
         return radiance
 
-    def images(
-        self,
-        gbuffer: DeviceGBuffer,
-        lights: Sequence[Light],
-        *,
-        shadows: Sequence[ShadowMap | None] | None = None,
-        visibility: Plane | None = None,
-        step: int = 1,
-    ) -> ImageParts | None:
+    def images(self, gbuffer: DeviceGBuffer, lights: Sequence[Light], **options: Unpack[Shading]) -> ImageParts | None:
         """Return the images of `run` in parts of 3, whose passes are queued as they are asked for."""
-        if not self._start(gbuffer, lights, shadows):
+        if not self._start(gbuffer, lights, options):
             return None
         return ImageParts(
             3 * self.layers * len(self._sides),
             self.whole,
             self.attributes == self.layers,
-            self._parts(self.punctual_lights, gbuffer, lights, shadows, visibility, step),
+            self._parts(self.punctual_lights, gbuffer, lights, options),
         )
 
     def records(
-        self,
-        gbuffer: DeviceGBuffer,
-        lights: Sequence[Light],
-        *,
-        shadows: Sequence[ShadowMap | None] | None = None,
-        visibility: Plane | None = None,
-        step: int = 1,
+        self, gbuffer: DeviceGBuffer, lights: Sequence[Light], **options: Unpack[Shading]
     ) -> SenderRecords | None:
-        """Queue the same passes; return what they find in one place for each pixel.
-
-        Only the sides that the camera sees have any.
-        """
+        """Queue the passes of `run` for the sides that the camera sees; return their results as records."""
         if self._records is None:
             self._records = SenderRecords(self.runtime, self.whole, self.attributes)
-        if not self._start(gbuffer, lights, shadows):
+        if not self._start(gbuffer, lights, options):
             return None
-        self._run(gbuffer, lights, shadows, visibility, step, self._records)
+        self._run(gbuffer, lights, options, self._records)
         return self._records
 
-    def _start(
-        self, gbuffer: DeviceGBuffer, lights: Sequence[Light], shadows: Sequence[ShadowMap | None] | None
-    ) -> bool:
-        """Queue what makes `punctual_lights`; return whether any surface is lit."""
+    def _start(self, gbuffer: DeviceGBuffer, lights: Sequence[Light], options: Shading) -> bool:
+        """Queue the light on the front layer; return whether any surface is lit."""
         given = (gbuffer.whole, gbuffer.layers, gbuffer.attributes)
         if given != (self.whole, self.layers, self.attributes):
             raise ValueError(
                 "the G-buffer's size with margin, layers and layers with attributes are "
                 f"{given}: expected {(self.whole, self.layers, self.attributes)}"
             )
-        lit = self.front(gbuffer, lights, shadows=shadows)
+        self._ambient.set(lights)
+        self.punctual_lights = None
+        self.punctual_lights = self.lights.run(gbuffer.layer(0), lights, shadows=options.get("shadows"))
+        lit = self.punctual_lights is not None or self._ambient.shines or self._emits(gbuffer)
         if not lit:
             self.runtime.skip("lit layers", "no light and no emission")
         return lit
 
     def _parts(
-        self,
-        punctual_lights: Plane | None,
-        gbuffer: DeviceGBuffer,
-        lights: Sequence[Light],
-        shadows: Sequence[ShadowMap | None] | None,
-        visibility: Plane | None,
-        step: int,
+        self, punctual_lights: Plane | None, gbuffer: DeviceGBuffer, lights: Sequence[Light], options: Shading
     ) -> Iterator[tuple[int, Plane]]:
-        """Give the parts of `images`, given what `punctual_lights` was when it was called."""
+        """Yield the parts of `images`, given `self.punctual_lights` as it was at the call."""
         for back, number in product(self._sides, range(self.attributes)):
             layer = gbuffer.layer(number, back=back)
             if back or number:
                 punctual_lights = None  # its memory is the next one's
-                punctual_lights = self._punctual_lights.run(layer, lights, shadows=shadows)
+                punctual_lights = self.lights.run(layer, lights, shadows=options.get("shadows"))
             part = self.runtime.transient.plane(3, self.whole)
             region = part.within(layer.region) if isinstance(part, TransientPlane) else None
-            self._light(layer, punctual_lights, visibility, step, gbuffer.margin, part, 0, region)
+            self._light(layer, punctual_lights, options, gbuffer.margin, part, 0, region)
             yield 3 * (number + (self.layers if back else 0)), part
             del part
 
     def _run(
-        self,
-        gbuffer: DeviceGBuffer,
-        lights: Sequence[Light],
-        shadows: Sequence[ShadowMap | None] | None,
-        visibility: Plane | None,
-        step: int,
-        to: Plane | SenderRecords,
+        self, gbuffer: DeviceGBuffer, lights: Sequence[Light], options: Shading, to: Plane | SenderRecords
     ) -> None:
         records = isinstance(to, SenderRecords)
         punctual_lights, region = self.punctual_lights, gbuffer.region
@@ -227,25 +210,9 @@ class LitLayers:
             layer = gbuffer.layer(number, back=back)
             if back or number:
                 punctual_lights = None
-                punctual_lights = self._punctual_lights.run(layer, lights, shadows=shadows)
+                punctual_lights = self.lights.run(layer, lights, shadows=options.get("shadows"))
             image = number + (self.layers if back else 0)
-            self._light(
-                layer, punctual_lights, visibility, step, gbuffer.margin, to, image if records else 3 * image, region
-            )
-
-    @property
-    def lights(self) -> PunctualLights:
-        """The pass of punctual lights."""
-        return self._punctual_lights
-
-    def front(
-        self, gbuffer: DeviceGBuffer, lights: Sequence[Light], *, shadows: Sequence[ShadowMap | None] | None = None
-    ) -> bool:
-        """Queue what makes `punctual_lights` alone; return whether `run` would find any light."""
-        self._ambient.set(lights)
-        self.punctual_lights = None
-        self.punctual_lights = self._punctual_lights.run(gbuffer.layer(0), lights, shadows=shadows)
-        return self.punctual_lights is not None or self._ambient.shines or self._emits(gbuffer)
+            self._light(layer, punctual_lights, options, gbuffer.margin, to, image if records else 3 * image, region)
 
     def _emits(self, gbuffer: DeviceGBuffer) -> bool:
         return gbuffer.emits and self._emission
@@ -254,14 +221,13 @@ class LitLayers:
         self,
         layer: DeviceGBuffer,
         punctual_lights: Plane | None,
-        visibility: Plane | None,
-        step: int,
+        options: Shading,
         margin: Size,
         to: Plane | SenderRecords,
         image: int,
         region: Region | None,
     ) -> None:
-        records = isinstance(to, SenderRecords)
+        visibility = options.get("visibility")
         kernel = self.runtime.kernel(
             "direct/layer_shading.cl",
             _macros(
@@ -269,21 +235,19 @@ class LitLayers:
                 ambient=self._ambient.shines,
                 visibility=visibility is not None,
                 emission=self._emits(layer),
-                records=records,
-                step=step,
+                records=isinstance(to, SenderRecords),
+                step=options.get("step", 1),
             )
             | self._ambient.macros,
             (LIT,),
         )
-        assert layer.camera is not None  # noqa: S101  a filled G-buffer has one
         rows, columns = visibility.size if visibility is not None else (1, 1)
         values = {
-            **rotation_values(layer.camera.view[:3, :3].T),
+            **rotation_values(camera_of(layer).view[:3, :3].T),
             "facing": layer.facing,
             "layer": layer.front,
             "image": image,
-            "margin_columns": margin[1],
-            "margin_rows": margin[0],
+            **margin_values(margin),
             "open_columns": columns,
             "open_rows": rows,
         }

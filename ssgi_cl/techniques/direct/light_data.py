@@ -18,11 +18,15 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, camera_values, floats, rotation_values
 from ssgi_cl.device.transient import Target
 from ssgi_cl.techniques.direct.shadow_fit import CROP_VALUES, Crop
+from ssgi_cl.techniques.source import camera_of, margin_values
 
 PunctualLight = SpotLight | PointLight | DirectionalLight
 
+KINDS = (SpotLight, PointLight, DirectionalLight)
+"""By their number in kernels, SHADE_KIND."""
+
 BRIGHTEST = 1e30
-"""W/sr or W/m^2 (times sr^-1): brighter light counts as this, so that float32 holds all sums."""
+"""W/sr or W/m^2 (times sr^-1): upper limit of the power of lights, so that float32 holds all sums."""
 LIGHT = Struct(
     "LightParams",
     (
@@ -38,7 +42,7 @@ LIGHT = Struct(
 
 @dataclass(frozen=True, eq=False)
 class ShadowMap:
-    """The depth that a light sees, in device memory.
+    """Depth from a light, in device memory.
 
     Attributes:
         depth: its images; some may be unused.
@@ -46,8 +50,8 @@ class ShadowMap:
         crops: parts of the faces.
         images: of `depth`, one for each crop.
         table: crops and images on the device.
-        blocks: what `ShadowBlocks` found in it, None if it was not looked at.
-        is_fitted: whether it is that of a frame, fitted to the pixels that it serves.
+        blocks: its `ShadowBlocks`; None without them.
+        is_fitted: whether it is fitted to the pixels of one frame.
     """
 
     depth: Plane
@@ -69,7 +73,7 @@ class ShadowMap:
         *,
         is_fitted: bool = False,
     ) -> ShadowMap:
-        """Return the map, with what kernels read of its crops sent to `table`."""
+        """Return the map; send the numbers that kernels read of its crops to `table`."""
         values = [crop.values(image, depth.size[0]) for crop, image in zip(crops, images, strict=True)]
         table.send(np.array(values, np.float32))
         return cls(depth, cameras, crops, images, table, is_fitted=is_fitted)
@@ -103,15 +107,7 @@ class PunctualLights:
         3 images, W/m^2; 0 where nothing is. `shadows` has one entry for each light (None: it casts
         no shadow); environments are passed over.
         """
-        maps = list(shadows) if shadows is not None else [None] * len(lights)
-        lit: list[tuple[PunctualLight, ShadowMap | None]] = []
-        for light, shadow in zip(lights, maps, strict=True):
-            if isinstance(light, Environment):
-                continue
-            if power(light).any():
-                lit.append((light, shadow))
-            else:
-                self.runtime.skip(f"light {kind_name(light)}", "it emits nothing")
+        lit = [pair for pair in with_shadows(lights, shadows) if self._lights(gbuffer, pair[0])]
         if not lit:
             return None
         with self._irradiance.over(gbuffer.seen) as (irradiance, region):
@@ -127,29 +123,22 @@ class PunctualLights:
         *,
         shadows: Sequence[ShadowMap | None] | None = None,
     ) -> None:
-        """Queue the passes that add to radiance what the lobes of a G-buffer that mirrors reflect.
+        """Queue the passes that add the reflection of lights by the lobes of a G-buffer to radiance.
 
         The arguments are as in `run`.
         """
-        maps = list(shadows) if shadows is not None else [None] * len(lights)
-        for light, shadow in zip(lights, maps, strict=True):
-            if not isinstance(light, Environment) and power(light).any():
-                self._pass(radiance, gbuffer, light, shadow, add=True, region=gbuffer.seen, lobe=True)
+        for light, shadow in with_shadows(lights, shadows):
+            if power(light).any():
+                self.light(radiance, gbuffer, light, shadow, add=True, region=gbuffer.seen, lobe=True)
+
+    def _lights(self, gbuffer: DeviceGBuffer, light: PunctualLight) -> bool:
+        """Return whether a light may reach a surface; note in the frame why not."""
+        if power(light).any():
+            return True
+        self.runtime.skip(f"light {kind_name(light)}", "it emits nothing")
+        return False
 
     def light(
-        self,
-        irradiance: Plane,
-        gbuffer: DeviceGBuffer,
-        light: PunctualLight,
-        shadow: ShadowMap | None,
-        *,
-        add: bool,
-        region: Region | None,
-    ) -> None:
-        """Queue the pass of one light, which sets `irradiance` or adds to it."""
-        self._pass(irradiance, gbuffer, light, shadow, add=add, region=region, lobe=False)
-
-    def _pass(
         self,
         target: Plane,
         gbuffer: DeviceGBuffer,
@@ -158,14 +147,17 @@ class PunctualLights:
         *,
         add: bool,
         region: Region | None,
-        lobe: bool,
+        lobe: bool = False,
     ) -> None:
-        """Queue the pass of one light to a plane: irradiance, or the radiance of lobes."""
+        """Queue the pass of one light, which sets `target` or adds to it.
+
+        The plane is irradiance or, with `lobe`, the radiance that the lobes of surfaces reflect.
+        """
         blocks = shadow.blocks if shadow else None
         kernel = self.runtime.kernel(
             "direct/shade_light.cl",
             {
-                "SHADE_KIND": (SpotLight, PointLight, DirectionalLight).index(type(light)),
+                "SHADE_KIND": KINDS.index(type(light)),
                 "SHADE_SHADOW": int(shadow is not None),
                 "SHADE_ADD": int(add),
                 "SHADE_LOBE": int(lobe),
@@ -173,8 +165,7 @@ class PunctualLights:
             },
             (CAMERA, LIGHT),
         )
-        camera = gbuffer.camera
-        assert camera is not None  # noqa: S101  a filled G-buffer has one
+        camera = camera_of(gbuffer)
         light_camera = shadow.cameras[0] if shadow else camera
         map_ = shadow.depth if shadow else None
         kernel.run(
@@ -202,6 +193,14 @@ class PunctualLights:
         )
 
 
+def with_shadows(
+    lights: Sequence[Light], shadows: Sequence[ShadowMap | None] | None
+) -> list[tuple[PunctualLight, ShadowMap | None]]:
+    """Return the punctual lights among `lights`, each with its shadow map or None."""
+    maps = [None] * len(lights) if shadows is None else shadows
+    return [(light, map_) for light, map_ in zip(lights, maps, strict=True) if not isinstance(light, Environment)]
+
+
 def power(light: PunctualLight) -> NDArray[np.float64]:
     """Return RGB intensity in W/sr, or irradiance in W/m^2 of a directional light."""
     value = light.irradiance if isinstance(light, DirectionalLight) else light.intensity
@@ -214,11 +213,12 @@ def kind_name(light: PunctualLight) -> str:
 
 
 def face_count(light: Light) -> int:
-    """Return how many faces the light's maps have."""
+    """Return the number of faces of a light's maps."""
     return 6 if isinstance(light, PointLight) else 1
 
 
 def light_values(light: PunctualLight, camera: Camera, light_camera: Camera, gbuffer: DeviceGBuffer) -> dict[str, Any]:
+    """Return the members of the kernels' light, in view space, but those of its shadow map."""
     turn, shift = camera.view[:3, :3], camera.view[:3, 3]
     position = direction = np.zeros(3)
     least = -2.0
@@ -248,8 +248,7 @@ def light_values(light: PunctualLight, camera: Camera, light_camera: Camera, gbu
         **rotation_values(to_light),
         **dict(zip(("shift_x", "shift_y", "shift_z"), offset, strict=True)),
         "map_size": light_camera.height,
-        "margin_columns": gbuffer.margin[1],
-        "margin_rows": gbuffer.margin[0],
+        **margin_values(gbuffer.margin),
         "layer": gbuffer.front,
         "blocks": 0,
         "crops": 0,

@@ -1,10 +1,10 @@
-"""What the lights of a scene see: shadow maps, and the surfaces that reflect their light."""
+"""Shadow maps and reflective shadow maps of the lights of a scene."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,25 +20,42 @@ from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.techniques.direct.light_data import PunctualLight, ShadowMap, kind_name, power
 from ssgi_cl.techniques.direct.seen_depths import Seen
 from ssgi_cl.techniques.direct.shadow_blocks import ShadowBlocks
-from ssgi_cl.techniques.direct.shadow_fit import Crop, fitted, parts, whole
+from ssgi_cl.techniques.direct.shadow_fit import Crop, fitted, most_crops, whole
+
+
+@dataclass(frozen=True, eq=False)
+class _Memory:
+    """Device memory of the shadow map of one light.
+
+    Attributes:
+        depth: its images.
+        blocks: those of `ShadowBlocks`.
+        table: of its crops.
+        found: images whose blocks are up to date.
+    """
+
+    depth: Plane
+    blocks: Plane
+    table: DeviceArray
+    found: set[int] = field(default_factory=set)
 
 
 class LightMaps:
-    """Draws the maps of a frame's lights, each face once for shadows and for reflected light.
+    """Maps of a frame's lights: each face is drawn once for shadows and for reflected light.
 
     The faces of all lights make one reflective shadow map, so that one bounce costs the same
-    however many lights there are, and what reflects more is looked at more. A light's maps are kept
-    as long as it and the scene stay the same, and each image of a shadow map as long as it is the
-    part of the light's view that what is seen needs; once all are kept, what their blocks of texels
-    show is found too, so that shading needs fewer of them.
+    however many lights there are, and surfaces that reflect more are sampled more. A light's maps
+    are kept as long as it and the scene stay the same, and each image of a shadow map as long as
+    the visible surfaces need that part of the light's view; once all are kept, the bounds of their
+    blocks are computed too, so that shading reads fewer texels.
 
     Args:
         runtime: the device.
         size: texels along the side of a face.
-        rsm_size: at most so many of them along a side reflect light, every n-th.
+        rsm_size: most texels along the side of a face that reflect light, every n-th.
         flux: whether reflected light is asked for.
-        glossy: whether what glossy surfaces mirror is asked for by itself; else it is a part of
-            what is reflected.
+        glossy: whether the mirrored light of glossy surfaces is separate; else it is a part of
+            the reflected light.
     """
 
     def __init__(self, runtime: Runtime, size: int, *, flux: bool, glossy: bool = False, rsm_size: int = 8192) -> None:
@@ -48,11 +65,8 @@ class LightMaps:
         self._glossy = glossy
         self._step = -(-size // rsm_size) if flux else 1
         self._renderer = RsmRenderer(runtime, size, step=self._step, flux=flux, matt=not glossy)
-        self._depths: dict[int, Plane] = {}
         self._blocks = ShadowBlocks(runtime, size)
-        self._block_planes: dict[int, Plane] = {}
-        self._tables: dict[int, DeviceArray] = {}
-        self._looked: dict[int, set[int]] = {}  # images whose blocks were found
+        self._memory: dict[int, _Memory] = {}
         self._rsm: DeviceRsm | None = None
         self._lit: NDArray[np.bool_] = np.zeros(0, np.bool_)
         self._scene: object = None  # its key
@@ -87,7 +101,7 @@ class LightMaps:
             for index, light in punctual_lights.items()
         }
         images = {
-            index: len(faces) if seen is None else parts(len(faces), len(punctual_lights))
+            index: len(faces) if seen is None else most_crops(len(faces), len(punctual_lights))
             for index, faces in cameras.items()
         }
         crops = {
@@ -99,16 +113,16 @@ class LightMaps:
         first = 0
         for index, light in punctual_lights.items():
             old = before.get(index) if index in kept else None
-            depth = self._depth(index, images[index])
-            shadow, missing = self._shadow(index, depth, cameras[index], crops[index], old, is_fitted=seen is not None)
+            memory = self._memory_of(index, images[index])
+            shadow, missing = self._shadow(memory, cameras[index], crops[index], old, is_fitted=seen is not None)
             reflects = held if index not in kept else None
             if not missing and reflects is None:
                 self.runtime.skip(f"map {kind_name(light)}", "neither it nor the scene changed")
-                shadow = self._with_blocks(index, shadow)
+                shadow = self._with_blocks(memory, shadow)
             else:
                 with self.runtime.part(f"map {kind_name(light)}"):
                     self._draw(scene, light, shadow, missing, reflects, first)
-                self._looked[index] -= {shadow.images[number] for number in missing}
+                self._memory[index].found.difference_update(shadow.images[number] for number in missing)
             shadows[index] = self._shadows[index] = shadow
             first += len(shadow.cameras)
         if held is not None and len(kept) < len(punctual_lights):
@@ -118,18 +132,18 @@ class LightMaps:
 
     def _shadow(
         self,
-        index: int,
-        depth: Plane,
+        memory: _Memory,
         cameras: tuple[Camera, ...],
         crops: tuple[Crop, ...],
         old: ShadowMap | None,
         *,
         is_fitted: bool,
     ) -> tuple[ShadowMap, list[int]]:
-        """Return the map of a light in `depth`, and which of its crops are not drawn yet.
+        """Return the map of a light, and which of its crops are not drawn yet.
 
-        `old` is what is drawn of the same light.
+        `old` is the map that was drawn of the same light.
         """
+        depth = memory.depth
         drawn: dict[Crop, int] = {}
         if old is not None and old.depth is depth and old.is_fitted == is_fitted:
             if old.crops == crops:
@@ -139,26 +153,22 @@ class LightMaps:
         free = iter([image for image in range(depth.count) if image not in held])
         images = tuple(drawn[crop] if crop in drawn else next(free) for crop in crops)
         missing = [number for number, crop in enumerate(crops) if crop not in drawn]
-        table = self._tables[index]
-        return ShadowMap.of(depth, cameras, crops, images, table, is_fitted=is_fitted), missing
+        return ShadowMap.of(depth, cameras, crops, images, memory.table, is_fitted=is_fitted), missing
 
     def _require(self, scene: Scene, images: dict[int, int], faces: int, lights: int) -> None:
-        """Let go of maps of lights that are gone; see that there is room for all that are missing.
+        """Free the maps of lights that are gone; check that there is memory for the missing ones.
 
         `images` are those of each light's shadow map, `faces` those of all lights.
 
         Raises:
             DeviceMemoryError: there is none; nothing was allocated or drawn.
         """
-        for index in [index for index in self._depths if index >= lights]:
-            del self._depths[index]
-            self._block_planes.pop(index, None)
-            self._tables.pop(index, None)
-            self._looked.pop(index, None)
+        for index in [index for index in self._memory if index >= lights]:
+            del self._memory[index]
 
         def make() -> None:
             for index, count in images.items():
-                if not self._has_depth(index, count):
+                if not self._has_memory(index, count):
                     self.runtime.plane(count, (self.size, self.size))
                     self._blocks.plane(count)
             glossy = self._glossy and kept.glossy
@@ -174,15 +184,15 @@ class LightMaps:
             "texels: take fewer lights or a smaller shadow_size",
         )
 
-    def _has_depth(self, index: int, images: int) -> bool:
-        return index in self._depths and self._depths[index].count == images
+    def _has_memory(self, index: int, images: int) -> bool:
+        return index in self._memory and self._memory[index].depth.count == images
 
     def _fits(self, faces: int, glossy: bool) -> bool:
         rsm = self._rsm
         return rsm is not None and rsm.faces == faces and (rsm.lobes is not None) == glossy
 
     def _kept(self, scene: Scene, punctual_lights: dict[int, PunctualLight]) -> set[int]:
-        """Return which lights' maps are there already."""
+        """Return which lights' maps are up to date."""
         before = self._punctual_lights
         same = {
             index
@@ -195,16 +205,14 @@ class LightMaps:
         kinds, old_kinds = ([(i, type(light)) for i, light in x.items()] for x in (punctual_lights, before))
         return same if kinds == old_kinds and min(punctual_lights, default=0) in same else set()
 
-    def _with_blocks(self, index: int, shadow: ShadowMap) -> ShadowMap:
-        """Return a kept map with its blocks, queueing their pass for images not looked at yet."""
-        looked, used = self._looked[index], set(shadow.images)
-        if not used <= looked:
+    def _with_blocks(self, memory: _Memory, shadow: ShadowMap) -> ShadowMap:
+        """Return a kept map with its blocks, queueing their pass for images that lack them."""
+        missing = set(shadow.images) - memory.found
+        if missing:
             perspective = not shadow.cameras[0].is_orthographic
-            self._blocks.find(shadow.depth, self._block_planes[index], sorted(used - looked), perspective=perspective)
-            looked |= used
-        if shadow.blocks is not None:
-            return shadow
-        return replace(shadow, blocks=self._block_planes[index])
+            self._blocks.find(shadow.depth, memory.blocks, sorted(missing), perspective=perspective)
+            memory.found.update(missing)
+        return shadow if shadow.blocks is not None else replace(shadow, blocks=memory.blocks)
 
     def _draw(
         self,
@@ -232,7 +240,7 @@ class LightMaps:
     def _draw_faces(
         self, scene: Scene, light: PunctualLight, shadow: ShadowMap, rsm: DeviceRsm, first: int
     ) -> set[int]:
-        """Queue the passes of the faces that reflect; return which crops these give too."""
+        """Queue the passes of the faces that reflect; return the crops that they draw too."""
         kept, renderer = device_scene(scene, self.runtime), self._renderer
         done = set()
         crops = {crop.face: number for number, crop in enumerate(shadow.crops) if crop.is_whole}
@@ -249,7 +257,7 @@ class LightMaps:
         return done
 
     def _reflects(self, punctual_lights: dict[int, PunctualLight], shadows: Sequence[ShadowMap | None]) -> bool:
-        """Note the lights that light nothing; return whether any does."""
+        """Note in the frame which lights reach no reflecting surface; return whether any does."""
         first = 0
         for index, light in punctual_lights.items():
             shadow = shadows[index]
@@ -260,16 +268,14 @@ class LightMaps:
             first += faces
         return bool(self._lit.any())
 
-    def _depth(self, index: int, images: int) -> Plane:
-        """Return the plane of a light's depth, the same as last time if it fits."""
-        if not self._has_depth(index, images):
-            self._depths.pop(index, None)
-            plane = self.runtime.plane(images, (self.size, self.size), math.inf)
-            self._block_planes[index] = self._blocks.plane(images)
-            self._tables[index] = ShadowMap.new_table(self.runtime, images)
-            self._looked[index] = set()
-            self._depths[index] = plane
-        return self._depths[index]
+    def _memory_of(self, index: int, images: int) -> _Memory:
+        """Return the memory of a light's shadow map, the same as last time if it fits."""
+        if not self._has_memory(index, images):
+            self._memory.pop(index, None)
+            depth = self.runtime.plane(images, (self.size, self.size), math.inf)
+            table = ShadowMap.new_table(self.runtime, images)
+            self._memory[index] = _Memory(depth, self._blocks.plane(images), table)
+        return self._memory[index]
 
     def _rsm_of(
         self,

@@ -1,15 +1,14 @@
-"""Lights shadowed by what the camera sees: softly, any number of them, without a shadow map."""
+"""Screen-space shadows: soft, of any number of lights, without shadow maps."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.lights import DirectionalLight, Light, PointLight, SpotLight, light_extent
+from ssgi_cl.core.lights import SpotLight, light_extent
 from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.core.sampling import DEPTH_BIAS, TILE_ORDER
 from ssgi_cl.device.active_region import Region
@@ -18,6 +17,7 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.techniques.direct.light_data import (
+    KINDS,
     LIGHT,
     PunctualLight,
     PunctualLights,
@@ -25,6 +25,7 @@ from ssgi_cl.techniques.direct.light_data import (
     kind_name,
     light_values,
 )
+from ssgi_cl.techniques.source import camera_of
 
 LIGHT_SHADOW = Struct("LightShadowParams", floats("radius", "extent", "thickness", "bias", "depth_bias"))
 
@@ -51,7 +52,7 @@ class LightShadowParams(Params):
 
 
 class LightShadows(PunctualLights, Prepared[LightShadowParams]):
-    """Direct light of punctual lights with the shadows of their maps or, without one, of what is seen.
+    """Direct light of punctual lights with shadows of their maps or, without one, in screen space.
 
     A light's `radius` or `angle` makes its shadows soft. See `PunctualLights` for the arguments of
     `run`.
@@ -64,33 +65,26 @@ class LightShadows(PunctualLights, Prepared[LightShadowParams]):
         self._params = params or LightShadowParams()
         self._tile = runtime.array(tile_table())
 
-    def run(
-        self, gbuffer: DeviceGBuffer, lights: Sequence[Light], *, shadows: Sequence[ShadowMap | None] | None = None
-    ) -> Plane | None:
-        """Queue the passes; return the sum of all lights, or None if none shines."""
-        maps = list(shadows) if shadows is not None else [None] * len(lights)
-        kept = [(light, shadow) for light, shadow in zip(lights, maps, strict=True) if not self._misses(gbuffer, light)]
-        return super().run(gbuffer, [light for light, _ in kept], shadows=[shadow for _, shadow in kept])
-
     def light(
         self,
-        irradiance: Plane,
+        target: Plane,
         gbuffer: DeviceGBuffer,
         light: PunctualLight,
         shadow: ShadowMap | None,
         *,
         add: bool,
         region: Region | None,
+        lobe: bool = False,
     ) -> None:
-        """Queue the pass of one light, which sets `irradiance` or adds to it."""
-        if shadow is not None:
-            super().light(irradiance, gbuffer, light, shadow, add=add, region=region)
+        """Queue the pass of one light, which sets `target` or adds to it."""
+        if shadow is not None or lobe:
+            super().light(target, gbuffer, light, shadow, add=add, region=region, lobe=lobe)
             return
         params = self.params
         kernel = self.runtime.kernel(
             "direct/light_shadows.cl",
             {
-                "SHADE_KIND": (SpotLight, PointLight, DirectionalLight).index(type(light)),
+                "SHADE_KIND": KINDS.index(type(light)),
                 "SHADE_ADD": int(add),
                 "LIGHT_TAPS": params.taps,
                 "LIGHT_LAYERS": gbuffer.layers,
@@ -98,13 +92,11 @@ class LightShadows(PunctualLights, Prepared[LightShadowParams]):
             },
             (CAMERA, LIGHT, LIGHT_SHADOW),
         )
-        camera = gbuffer.camera
-        assert camera is not None  # noqa: S101  a filled G-buffer has one
-        extent = light_extent(light)
+        camera = camera_of(gbuffer)
         packed = LIGHT_SHADOW.pack(
             {
                 "radius": params.radius,
-                "extent": extent,
+                "extent": light_extent(light),
                 "thickness": params.thickness * params.radius,
                 "bias": params.bias,
                 "depth_bias": DEPTH_BIAS,
@@ -116,24 +108,22 @@ class LightShadows(PunctualLights, Prepared[LightShadowParams]):
             normal=gbuffer.normal,
             thickness=gbuffer.thickness,
             tile=self._tile,
-            irradiance=irradiance,
+            irradiance=target,
             camera=gbuffer.camera_struct,
             light=LIGHT.pack(light_values(light, camera, camera, gbuffer)),
             params=packed,
         )
 
-    def _misses(self, gbuffer: DeviceGBuffer, light: Light) -> bool:
-        """Return whether nothing that is seen can be lit, and say so in the frame."""
-        if not isinstance(light, SpotLight) or not cone_misses(gbuffer, light):
+    def _lights(self, gbuffer: DeviceGBuffer, light: PunctualLight) -> bool:
+        if isinstance(light, SpotLight) and cone_misses(gbuffer, light):
+            self.runtime.skip(f"light {kind_name(light)}", "its cone misses all that is seen")
             return False
-        self.runtime.skip(f"light {kind_name(light)}", "its cone misses all that is seen")
-        return True
+        return super()._lights(gbuffer, light)
 
 
 def cone_misses(gbuffer: DeviceGBuffer, light: SpotLight) -> bool:
-    """Return whether a spot light's cone lies outside one of the planes round what is seen."""
-    camera = gbuffer.camera
-    assert camera is not None  # noqa: S101  a filled G-buffer has one
+    """Return whether a spot light's cone lies outside one of the planes of the view frustum."""
+    camera = camera_of(gbuffer)
     to_x, to_y, at_x, at_y = camera.pixel_to_view
     rows, columns = gbuffer.margin
     apex = camera.view[:3, :3] @ np.asarray(light.position) + camera.view[:3, 3]

@@ -1,4 +1,4 @@
-"""Where the surfaces are that a camera sees: the depths between which each tile's lie."""
+"""Depth bounds of the visible surfaces of each tile of an image."""
 
 from __future__ import annotations
 
@@ -13,16 +13,17 @@ from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.constants import SEEN_SIDE
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.techniques.source import camera_of
 
 Doubles = NDArray[np.float64]
 
 _ROUNDING = 1e-5
-"""Of depth, by which tiles reach farther, for roundings of float32."""
+"""Relative widening of the bounds, for roundings of float32."""
 
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """The tiles that show a surface.
+    """Tiles that show a surface.
 
     Attributes:
         camera: that sees them.
@@ -37,11 +38,11 @@ class Seen:
 
     @property
     def pixels(self) -> Doubles:
-        """[n] of each tile."""
+        """Pixels of each tile, [n]."""
         return np.asarray((self.sides[:, 1] - self.sides[:, 0]) * (self.sides[:, 3] - self.sides[:, 2]))
 
     def widths(self) -> Doubles:
-        """Return [n] the width of a pixel half way between the tile's depths, scene units."""
+        """Return the width of a pixel half way between each tile's depths, [n] scene units."""
         to_x, to_y, _, _ = self.camera.pixel_to_view
         width = math.sqrt(abs(to_x * to_y))
         if self.camera.is_orthographic:
@@ -49,7 +50,7 @@ class Seen:
         return np.asarray(width * np.sqrt(self.nearest * self.farthest))
 
     def corners(self) -> Doubles:
-        """Return [n, 8, 3] corners, world space, of the hull of what each tile shows."""
+        """Return the corners of the hull of each tile's surfaces, [n, 8, 3] world space."""
         to_x, to_y, at_x, at_y = self.camera.pixel_to_view
         corners = np.empty((len(self.nearest), 8, 3))
         for number in range(8):
@@ -63,7 +64,7 @@ class Seen:
 
 
 class SeenDepths:
-    """Looks at G-buffers of one size.
+    """Reduction of depth to bounds of tiles, prepared for G-buffers of one size.
 
     Args:
         runtime: the device.
@@ -91,10 +92,9 @@ class SeenDepths:
         there = np.isfinite(nearest)
         row, column = np.nonzero(there)
         rows, columns = self._pixels
-        camera = gbuffer.camera
-        assert camera is not None  # noqa: S101  a filled G-buffer has one
         left, top = column * SEEN_SIDE, row * SEEN_SIDE
         sides = np.stack(
             [left, np.minimum(left + SEEN_SIDE, columns), top, np.minimum(top + SEEN_SIDE, rows)], axis=-1
         ).astype(np.float64)
-        return Seen(camera, sides, nearest[there] * (1.0 - _ROUNDING), farthest[there] * (1.0 + _ROUNDING))
+        near, far = nearest[there] * (1.0 - _ROUNDING), farthest[there] * (1.0 + _ROUNDING)
+        return Seen(camera_of(gbuffer), sides, near, far)

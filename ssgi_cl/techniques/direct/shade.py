@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core import checks
-from ssgi_cl.core.environment_samples import MOST_TEXELS, resized
+from ssgi_cl.core.environment_samples import BRIGHTEST, summed
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.lights import Environment, Light, are_same, environments_of
 from ssgi_cl.core.params import Params, Prepared, param
@@ -19,8 +19,9 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, floats, rotation_values
 from ssgi_cl.techniques.direct.ambient import Ambient
-from ssgi_cl.techniques.direct.light_data import BRIGHTEST, PunctualLights, ShadowMap
+from ssgi_cl.techniques.direct.light_data import PunctualLights, ShadowMap
 from ssgi_cl.techniques.direct.shadow_maps import checked_lights, uploaded_maps
+from ssgi_cl.techniques.source import camera_of, margin_values
 from ssgi_cl.techniques.technique import Bench, Technique
 
 COMBINE = Struct(
@@ -80,8 +81,8 @@ class Shade(Prepared[ShadeParams]):
 
         `shadows` has one entry for each light (None: it casts no shadow), `visibility` is A;
         `multi_bounce` and `indirect_ao` are those of the parameters by default.
-        `direct` is the irradiance of all lights, if that is known already; environments then only
-        show where nothing is.
+        `direct` is the irradiance of all lights, if that is known already; environments are then
+        the background alone.
         """
         lit = self.light(gbuffer, lights, shadows=shadows) if direct is None else direct
         radiance = self.combine(
@@ -122,11 +123,10 @@ class Shade(Prepared[ShadeParams]):
     ) -> Plane:
         """Queue the pass that sums up all light; return the plane of radiance.
 
-        `lit` is the irradiance of punctual lights, with that of environments in it unless
-        `ambient`. With `gaps`, A dims `indirect` only below 1/2: of light whose visibility rays
-        miss what is close by. `sky_light` is that of environments where it is known by itself; A
-        dims it. `light` is given to be filled with the irradiance of all light over pi. The rest is
-        as in `run`.
+        `lit` is the irradiance of punctual lights, and of environments too unless `ambient`. With
+        `gaps`, A dims `indirect` only below 1/2, for light whose visibility rays miss near
+        occluders. `sky_light` is the irradiance of environments alone; A dims it. `light` receives
+        the irradiance of all light over pi. The rest is as in `run`.
         """
         if multi_bounce is None:
             multi_bounce = self.params.multi_bounce
@@ -155,15 +155,11 @@ class Shade(Prepared[ShadeParams]):
             },
             (CAMERA, COMBINE),
         )
-        camera = gbuffer.camera
-        assert camera is not None  # noqa: S101  a filled G-buffer has one
-        to_world = camera.view[:3, :3].T
         values = {
-            **rotation_values(to_world),
+            **rotation_values(camera_of(gbuffer).view[:3, :3].T),
             "sky_columns": sky_columns,
             "sky_rows": sky_rows,
-            "margin_columns": gbuffer.margin[1],
-            "margin_rows": gbuffer.margin[0],
+            **margin_values(gbuffer.margin),
         }
         with self._previous.over(self.seen(gbuffer), self._background) as over:
             kernel.run(
@@ -187,11 +183,11 @@ class Shade(Prepared[ShadeParams]):
         return self._radiance
 
     def seen(self, gbuffer: DeviceGBuffer) -> Region | None:
-        """Return outside which pixels radiance is the same everywhere, None if it is nowhere."""
+        """Return the pixels outside of which radiance is constant; None if it varies everywhere."""
         return None if self._background is None else gbuffer.seen
 
     def _set_sky(self, environments: tuple[Environment, ...]) -> None:
-        """Bring what the environments look like to the device, unless it is there."""
+        """Upload the radiance of the environments, unless they are those of last time."""
         if are_same(environments, self._environments):
             return
         sky = sky_image(environments)
@@ -248,23 +244,13 @@ def shade(
     lights = checked_lights(lights, shadow_maps)
     params = ShadeParams(multi_bounce=multi_bounce, indirect_ao=indirect_ao)
     device = on_device(gbuffer, runtime)
-    if device.camera is None:
-        raise ValueError("the device G-buffer is empty: draw or upload something first")
+    camera_of(device)
     runtime = device.runtime
-    size = device.size
-    technique: Shade = runtime.prepared((Shade, size), lambda: Shade(runtime, size))
-    visibility = None
-    if ao is not None:
-        values = checks.plane("ao", ao, low=0.0, high=1.0)
-        _same_size("ao", values.shape, size)
-        visibility = runtime.prepared((shade, "ao", size), lambda: runtime.plane(1, size, 1.0))
-        visibility.upload(values[None])
+    technique: Shade = runtime.prepared((Shade, device.size), lambda: Shade(runtime, device.size))
+    visibility = None if ao is None else _uploaded("ao", checks.plane("ao", ao, low=0.0, high=1.0), device, 1.0)
     added = None
     if indirect is not None:
-        values = checks.plane("indirect", indirect, channels=3, low=0.0, unit="W/m^2")
-        _same_size("indirect", values.shape[:2], size)
-        added = runtime.prepared((shade, "indirect", size), lambda: runtime.plane(3, size))
-        added.upload(np.moveaxis(values, -1, 0))
+        added = _uploaded("indirect", checks.plane("indirect", indirect, channels=3, low=0.0, unit="W/m^2"), device)
     shadows = uploaded_maps(lights, shadow_maps, runtime)
     with runtime.frame():
         result = technique.run(
@@ -279,29 +265,21 @@ def shade(
     return np.ascontiguousarray(np.moveaxis(result, 0, -1))
 
 
-def _same_size(name: str, shape: tuple[int, ...], size: Size) -> None:
-    if tuple(shape) != size:
-        raise ValueError(f"{name} has shape {tuple(shape)}: expected {size} as the G-buffer")
+def _uploaded(name: str, image: NDArray[np.float32], gbuffer: DeviceGBuffer, outside: float = 0.0) -> Plane:
+    """Return an argument of `shade` on the device; raise ValueError if its size is not the G-buffer's."""
+    runtime, size = gbuffer.runtime, gbuffer.size
+    if image.shape[:2] != size:
+        raise ValueError(f"{name} has shape {image.shape[:2]}: expected {size} as the G-buffer")
+    planes = np.moveaxis(np.atleast_3d(image), -1, 0)
+    plane: Plane = runtime.prepared((shade, name, size), lambda: runtime.plane(len(planes), size, outside))
+    plane.upload(planes)
+    return plane
 
 
 def sky_image(environments: Sequence[Environment]) -> NDArray[np.float32]:
     """Return [rows, columns, 3]: the sum of the environments, one texel if all are constant."""
-    images = [
-        np.atleast_3d(np.asarray(e.radiance).reshape(1, 1, 3))
-        if np.asarray(e.radiance).ndim == 1
-        else np.asarray(e.radiance)
-        for e in environments
-    ]
-    rows = max((image.shape[0] for image in images), default=1)
-    columns = max((image.shape[1] for image in images), default=1)
-    if len(images) > 1 and rows * columns > MOST_TEXELS:
-        images = [resized(image) for image in images]
-        rows, columns = (max(image.shape[axis] for image in images) for axis in (0, 1))
-    sky = np.zeros((rows, columns, 3))
-    for image in images:
-        row = np.arange(rows) * image.shape[0] // rows
-        column = np.arange(columns) * image.shape[1] // columns
-        sky += image[row[:, None], column[None, :]]
+    radiance = [np.asarray(environment.radiance) for environment in environments]
+    sky = summed([each.reshape(1, 1, 3) if each.ndim == 1 else each for each in radiance])
     return np.minimum(sky, BRIGHTEST).astype(np.float32)
 
 

@@ -1,4 +1,4 @@
-"""Blocks of shadow maps: planes above and below what each shows, in place of a filter's taps."""
+"""Blocks of shadow maps: planes that bound the depths of each, in place of a filter's taps."""
 
 from __future__ import annotations
 
@@ -11,11 +11,9 @@ from ssgi_cl.device.runtime import Runtime
 BLOCK = 1 << SHADOW_BLOCK_BITS
 """Texels along a block's side."""
 
-IMAGES = SHADOW_IMAGES
-
 
 class ShadowBlocks:
-    """Looks at shadow maps of one size."""
+    """Passes that bound the blocks of shadow maps of one size."""
 
     def __init__(self, runtime: Runtime, size: int) -> None:
         self.runtime = runtime
@@ -24,7 +22,7 @@ class ShadowBlocks:
 
     def plane(self, faces: int) -> Plane:
         """Return memory for the blocks of a map of so many faces."""
-        return self.runtime.plane(IMAGES * faces, self.size)
+        return self.runtime.plane(SHADOW_IMAGES * faces, self.size)
 
     def find(self, depth: Plane, blocks: Plane, images: Sequence[int], *, perspective: bool) -> None:
         """Queue the passes.

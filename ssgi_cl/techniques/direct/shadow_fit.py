@@ -1,11 +1,11 @@
-"""Parts of a light's view that its shadow map shows: as fine as the pixels need that they serve.
+"""Crops of a light's view for its shadow map, with texels as fine as the visible pixels need.
 
 As adaptive shadow maps (Fernando, Fernandez, Bala and Greenberg 2001), but with a fixed number of
-parts: the one whose texels are too wide for the most pixels is cut in two until all are there. A
-part is 2^-i times 2^-j of a face, and its corner lies on a grid of quarters of its size, so that
-parts of one size have their texels at the same places whatever the camera sees, and shadows do not
-crawl. The parts depend on what is seen in this frame alone: maps that were kept are those that
-would be drawn.
+crops: the one whose texels are too wide for the most pixels is divided in two until all are used. A
+crop is 2^-i times 2^-j of a face, and its corner lies on a grid of quarters of its size. Crops of
+one size thus have their texels at the same places whatever the camera sees, and shadows do not
+crawl. The crops depend on this frame's visible surfaces alone: kept maps equal those that would be
+drawn.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from numpy.typing import NDArray
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.techniques.direct.seen_depths import Seen
 
-PARTS = 8
-"""Of a light, at most, or one for every face where that is more."""
-ALL_PARTS = 32
-"""Of all lights, at most, or one for every face."""
+CROPS = 8
+"""Most crops of a light, or one for every face where that is more."""
+ALL_CROPS = 32
+"""Most crops of all lights, or one for every face."""
 GRID = 4
-"""Places in its own size at which a part may begin."""
+"""Places in its own size at which a crop may begin."""
 MOST_ZOOM = 1 << 7
-"""Of a part, along either axis; float32 tells a hundredth of its texels apart."""
+"""Of a crop, along either axis; float32 resolves a hundredth of its texels."""
 ROOM = 3
-"""Texels between a part's border and what it shows: the filter's reach."""
+"""Texels between a crop's border and the surfaces that it serves: the filter's reach."""
 FINE = 0.35
 """Of a pixel's width: texels of this width are fine enough."""
 _SLACK = 1e-4
-"""Of a face's half width by which it is taken to be wider, for roundings."""
+"""Relative widening of a face, for roundings."""
 
 CROP_VALUES = 12
 """Numbers that kernels/direct/crops.clh reads of a crop."""
@@ -42,7 +42,7 @@ Doubles = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Crop:
-    """A part of a face of a light's view.
+    """A rectangle of a face of a light's view.
 
     Attributes:
         face: number of the light's camera.
@@ -62,7 +62,7 @@ class Crop:
         return self.zoom_x == self.zoom_y == 1
 
     def camera(self, face: Camera) -> Camera:
-        """Return the camera that draws it, with as many texels as that of its face."""
+        """Return the camera of the crop, with as many texels as that of its face."""
         if self.is_whole:
             return face
         projection = face.projection.copy()
@@ -74,7 +74,7 @@ class Crop:
         return Camera(view=face.view, projection=projection, width=face.width, height=face.height)
 
     def values(self, image: int, size: int) -> list[float]:
-        """Return what kernels/direct/crops.clh reads.
+        """Return the numbers that kernels/direct/crops.clh reads.
 
         Args:
             image: of the map.
@@ -105,18 +105,18 @@ def whole(faces: int) -> tuple[Crop, ...]:
     return tuple(Crop(face) for face in range(faces))
 
 
-def parts(faces: int, lights: int) -> int:
-    """Return how many parts a light with so many faces may have, one of so many lights."""
-    return max(faces, min(PARTS, ALL_PARTS // max(lights, 1)))
+def most_crops(faces: int, lights: int) -> int:
+    """Return how many crops a light with so many faces may have, one of so many lights."""
+    return max(faces, min(CROPS, ALL_CROPS // max(lights, 1)))
 
 
 def fitted(cameras: tuple[Camera, ...], seen: Seen, most: int) -> tuple[Crop, ...]:
-    """Return the parts that show all that is seen, the finer the later.
+    """Return crops that show all visible surfaces, from coarse to fine.
 
     Args:
         cameras: of the light's faces.
-        seen: by the camera.
-        most: parts, at least one for every face.
+        seen: tiles of the camera's image.
+        most: crops, at least one for every face.
     """
     cells: list[_Cell] = []
     corners, width = seen.corners(), seen.widths()
@@ -136,12 +136,12 @@ def fitted(cameras: tuple[Camera, ...], seen: Seen, most: int) -> tuple[Crop, ..
 
 @dataclass(frozen=True, eq=False)
 class _Boxes:
-    """What is seen, in a face.
+    """Bounding boxes of the camera's tiles in a face.
 
     Attributes:
-        low, high: [n, 2] columns and rows of a box round each tile, fractions of the face.
+        low, high: [n, 2] columns and rows of the boxes, fractions of the face.
         width: [n, 2] of a pixel, likewise.
-        pixels: [n] of the tile.
+        pixels: [n] pixels of each tile.
     """
 
     low: Doubles
@@ -151,13 +151,13 @@ class _Boxes:
 
     @classmethod
     def of(cls, camera: Camera, corners: Doubles, width: Doubles, pixels: Doubles) -> _Boxes | None:
-        """Return the boxes of what a face shows, or None if that is nothing.
+        """Return the boxes of the tiles that a face shows; None if it shows none.
 
         Args:
             camera: of the face.
-            corners: [n, 8, 3] of each tile's hull, world space.
-            width: [n] of a pixel, scene units.
-            pixels: [n] of each tile.
+            corners: [n, 8, 3] corners of each tile's hull, world space.
+            width: [n] width of a pixel, scene units.
+            pixels: [n] pixels of each tile.
         """
         sx, sy, ox, oy = camera.pixel_to_view
         if not camera.is_orthographic:
@@ -184,7 +184,7 @@ class _Boxes:
         return cls(np.clip(low[met], 0.0, 1.0), np.clip(high[met], 0.0, 1.0), relative, pixels[met])
 
     def within(self, axis: int, low: float, high: float) -> _Boxes | None:
-        """Return what of the boxes lies between two bounds along an axis; None if nothing does."""
+        """Return the boxes clipped to two bounds along an axis; None if none is left."""
         kept = (self.high[:, axis] >= low) & (self.low[:, axis] <= high)
         if not kept.any():
             return None
@@ -198,29 +198,26 @@ class _Boxes:
 
 
 class _Cell:
-    """A rectangle of a face and the part that shows it.
+    """A rectangle of a face and its crop.
 
     Attributes:
-        crop: the part.
-        cost: by how much its texels are too wide, summed over pixels; 0 where none is.
+        crop: the smallest one that shows the rectangle.
+        cost: excess width of its texels, summed over pixels; 0 where all are fine enough.
     """
 
     def __init__(self, face: int, size: int, boxes: _Boxes) -> None:
         self._face, self._size, self._boxes = face, size, boxes
         self._low, self._high = boxes.low.min(axis=0), boxes.high.max(axis=0)
-        zooms, firsts = [], []
-        for low, high in zip(self._low.tolist(), self._high.tolist(), strict=True):
-            zoom, first = _part(low, high, size)
-            zooms.append(zoom)
-            firsts.append(first)
-        self.crop = Crop(face, zooms[0], zooms[1], firsts[0], firsts[1])
+        bounds = zip(self._low.tolist(), self._high.tolist(), strict=True)
+        zooms, firsts = zip(*(_smallest(low, high, size) for low, high in bounds), strict=True)
+        self.crop = Crop(face, *zooms, *firsts)
         self._ratio = 1.0 / (size * np.array(zooms)) / boxes.width
         self._can = np.array(zooms) < MOST_ZOOM
         excess = np.where(self._can, np.maximum(self._ratio - FINE, 0.0), 0.0)
         self.cost = float((excess.max(axis=1) * boxes.pixels).sum())
 
     def halves(self) -> list[_Cell]:
-        """Return the cells of either half, of that axis along which texels are too wide."""
+        """Return the cells of both halves, along the axis whose texels are the most too wide."""
         excess = (np.maximum(self._ratio - FINE, 0.0) * self._boxes.pixels[:, None]).sum(axis=0)
         axis = int(np.argmax(np.where(self._can, excess, -1.0)))
         low, high = float(self._low[axis]), float(self._high[axis])
@@ -230,7 +227,7 @@ class _Cell:
 
 
 def _near(camera: Camera, corners: Doubles) -> NDArray[np.bool_]:
-    """Return [n] False for hulls that lie outside a perspective face of equal sides."""
+    """Return [n] whether each hull may meet a square perspective face."""
     middle = corners.mean(axis=1)
     radius = np.sqrt(((corners - middle[:, None]) ** 2).sum(axis=2).max(axis=1))
     view = middle @ camera.view[:3, :3].T + camera.view[:3, 3]
@@ -239,8 +236,8 @@ def _near(camera: Camera, corners: Doubles) -> NDArray[np.bool_]:
     return np.asarray(beside <= radius * math.sqrt(1.0 + half * half))
 
 
-def _part(low: float, high: float, size: int) -> tuple[int, int]:
-    """Return zoom and first texel of the smallest part that holds an interval of the face."""
+def _smallest(low: float, high: float, size: int) -> tuple[int, int]:
+    """Return zoom and first texel of the smallest crop that holds an interval of the face."""
     step = max(size // GRID, 1)
     zoom = MOST_ZOOM
     while zoom > 1:
@@ -255,7 +252,7 @@ def _part(low: float, high: float, size: int) -> tuple[int, int]:
 
 
 def _beyond(view: Doubles, near: float) -> Doubles:
-    """Return corners [n, 36, 3] of what of hulls [n, 8, 3] lies beyond a depth."""
+    """Return corners [n, 36, 3] of hulls [n, 8, 3] clipped to what lies beyond a depth."""
     depth = -view[..., 2]
     ahead = depth > near
     if ahead.all():

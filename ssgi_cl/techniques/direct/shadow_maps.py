@@ -1,4 +1,4 @@
-"""Shadow maps that a user gives as reflective shadow maps: checked, and brought to the device."""
+"""Check and upload of shadow maps that a caller gives as reflective shadow maps."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from ssgi_cl.techniques.direct.light_data import ShadowMap, face_count
 from ssgi_cl.techniques.direct.shadow_fit import whole
 
 Maps = Sequence[ReflectiveShadowMap | None] | None
-"""For each light its map or None; None for no map at all. Those of environments don't count."""
+"""A map or None for each light; None for no map at all. Entries of environments are ignored."""
 
 
 def checked_lights(lights: Sequence[Light], shadow_maps: Maps) -> tuple[Light, ...]:
-    """Return the lights; raise TypeError or ValueError if one is none, or a map is not its own."""
+    """Return the lights; raise TypeError or ValueError if one is no light, or a map is not its own."""
     lights = light_tuple(lights)
     if shadow_maps is not None and len(shadow_maps) != len(lights):
         raise ValueError(f"shadow_maps has {len(shadow_maps)} entries: expected {len(lights)}, one for each light")

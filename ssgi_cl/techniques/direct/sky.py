@@ -1,4 +1,4 @@
-"""The sky as kernels look it up: a small map of radiance by direction, filtered."""
+"""Sky map: radiance by direction, filtered to the width of a cone, for lookups in kernels."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.core.environment_samples import BRIGHTEST, summed
 from ssgi_cl.core.lights import Environment, are_same
 from ssgi_cl.device.arrays import DeviceArray
 from ssgi_cl.device.runtime import Runtime
@@ -21,9 +22,6 @@ SHARPNESS = 26.0
 """Of the filter, exp(SHARPNESS (cos - 1)) of the angle from a direction: 11 degrees of standard
 deviation, half the width of one of eight cones of a slice."""
 
-BRIGHTEST = 1e30
-"""W m^-2 sr^-1: brighter texels count as this, so that float32 holds all sums."""
-
 _MOST_SOURCES = 64 * 128  # texels of an image that are filtered one by one
 
 
@@ -34,7 +32,7 @@ class Sky:
         constant: [3] float64, of those that are the same all round, W m^-2 sr^-1.
         image: [rows, columns, 3] float64, the sum of the others as `Environment.radiance` has it,
             or None without any; the same object as long as the environments are the same.
-        map: what kernels/ssdo/sky.clh looks up for `image`, or None.
+        map: the map of `image` that kernels/ssdo/sky.clh reads, or None.
     """
 
     def __init__(self, runtime: Runtime) -> None:
@@ -67,14 +65,8 @@ def _sum(images: Sequence[Doubles]) -> Doubles:
 
     Sizes beyond 4096 texels are those of the largest image: texels are then picked.
     """
-    shapes = [image.shape[:2] for image in images]
-    rows, columns = (size if (size := math.lcm(*sizes)) <= 4096 else max(sizes) for sizes in zip(*shapes, strict=True))
-    total = np.zeros((rows, columns, 3))
-    for image in images:
-        row = np.arange(rows) * image.shape[0] // rows
-        column = np.arange(columns) * image.shape[1] // columns
-        total += image[row[:, None], column]
-    return total
+    rows, columns = (math.lcm(*sizes) for sizes in zip(*(image.shape[:2] for image in images), strict=True))
+    return summed(images, (rows if rows <= 4096 else 1, columns if columns <= 4096 else 1))
 
 
 def directions() -> tuple[Doubles, Doubles]:

@@ -18,7 +18,7 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.device.transient import Target, background_of
-from ssgi_cl.techniques.source import Source
+from ssgi_cl.techniques.source import Source, margin_values
 from ssgi_cl.techniques.technique import Bench, Technique
 
 BLUR = Struct("BlurParams", (*floats("depth_scale", "normal_scale"), ("margin_columns", "int"), ("margin_rows", "int")))
@@ -139,13 +139,13 @@ class Bilateral(Prepared[BilateralParams]):
     def run(self, gbuffer: Source, value: Plane, *, region: Region | None = None) -> Plane:
         """Queue the passes and return the plane that holds the result (not `value`, if active).
 
-        Outside `region` nothing is, and the value the same in every call with one.
+        Outside `region` no surface is, and the value is the same in every call with one.
         """
         params = self.params
         if not self.active:
             self.runtime.skip("bilateral_blur", "no passes or radius 0")
             return value
-        packed = BLUR.pack({**params.scales(), "margin_columns": gbuffer.margin[1], "margin_rows": gbuffer.margin[0]})
+        packed = BLUR.pack({**params.scales(), **margin_values(gbuffer.margin)})
         lanes = self.runtime.variant.lanes
         rows, columns = self.size
         background = background_of(value)
@@ -175,8 +175,21 @@ class Bilateral(Prepared[BilateralParams]):
 def _weight_table(params: BilateralParams) -> NDArray[np.float32]:
     """Return the weights in space as kernels/filters/bilateral_blur.cl reads them."""
     weights = np.append(params.weights(), 0.0)
-    weights[0] = 0.0 if params.separable else 1.0  # what a pixel adds to itself, a kernel knows
+    weights[0] = 0.0 if params.separable else 1.0  # the kernel adds a pixel's own value
     return weights.astype(np.float32)
+
+
+def image_planes(image: ArrayLike) -> NDArray[np.float32]:
+    """Return an image [rows, columns] or [rows, columns, 3] as [1 or 3, rows, columns], checked."""
+    values = checks.as_array("image", image)
+    coloured = values.ndim == 3
+    values = checks.plane("image", values, channels=3 if coloured else 0)
+    return np.moveaxis(values, -1, 0) if coloured else values[None]
+
+
+def plane_image(planes: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return [1 or 3, rows, columns] as an image, the inverse of `image_planes`."""
+    return planes[0] if len(planes) == 1 else np.ascontiguousarray(np.moveaxis(planes, 0, -1))
 
 
 @serialised
@@ -187,7 +200,7 @@ def bilateral_blur(
     runtime: Runtime | None = None,
     **params: Unpack[BilateralKeywords],
 ) -> NDArray[np.float32]:
-    """Blur an image without crossing the edges of what it shows.
+    """Blur an image without crossing the edges of surfaces.
 
     Tomasi and Manduchi 1998, "Bilateral Filtering for Gray and Color Images", as a cross-bilateral
     filter (Eisemann and Durand 2004; Petschnigg et al. 2004). Departs: depth is compared with the
@@ -206,24 +219,21 @@ def bilateral_blur(
     Raises:
         TypeError, ValueError: the image's dtype, shape or values, or a parameter out of range.
     """
-    values = checks.as_array("image", image)
-    channels = 3 if values.ndim == 3 else 0
-    values = checks.plane("image", values, channels=channels)
+    planes = image_planes(image)
     chosen = BilateralParams(**params)
-    if values.shape[:2] != gbuffer.size:
-        raise ValueError(f"image has shape {values.shape}: expected {gbuffer.size} as the G-buffer")
+    if planes.shape[1:] != gbuffer.size:
+        raise ValueError(f"image has shape {np.shape(image)}: expected {gbuffer.size} as the G-buffer")
     device = on_device(gbuffer, runtime)
     runtime = device.runtime
-    count = channels or 1
+    count = len(planes)
     blur, plane = runtime.prepared(
         (Bilateral, gbuffer.size, chosen.shape(), count),
         lambda: (Bilateral(runtime, gbuffer.size, chosen, count), runtime.plane(count, gbuffer.size)),
     )
     blur.params = chosen
-    plane.upload(np.moveaxis(values, -1, 0) if channels else values[None])
+    plane.upload(planes)
     with runtime.frame():
-        result = blur.run(device, plane).download()
-    return np.ascontiguousarray(np.moveaxis(result, 0, -1)) if channels else result[0]
+        return plane_image(blur.run(device, plane).download())
 
 
 DESCRIPTOR = Technique(

@@ -114,8 +114,8 @@ def auto_exposure(radiance: NDArray[np.float32], region: Region | None = None) -
 
 
 def _log_luminance(radiance: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Return the logarithm of each pixel's luminance, -inf of 0 and nan below, by itself: no bit
-    depends on what else is there."""
+    """Return the logarithm of each pixel's luminance, -inf of 0 and nan below; no bit of it depends
+    on other pixels."""
     luminance = np.zeros(radiance.shape[:2])
     for channel, weight in enumerate((0.2126, 0.7152, 0.0722)):
         luminance += np.multiply(radiance[..., channel], weight, dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Work at half or quarter size: reduce the G-buffer, and bring results back to full size."""
+"""Reduction of a G-buffer to half or quarter size, and upsampling of results to full size."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.device.active_region import PreviousRegion, Region
@@ -20,8 +19,8 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.device.transient import Target
-from ssgi_cl.techniques.filters.bilateral import BilateralParams
-from ssgi_cl.techniques.source import Source
+from ssgi_cl.techniques.filters.bilateral import BilateralParams, image_planes, plane_image
+from ssgi_cl.techniques.source import Source, margin_values
 from ssgi_cl.techniques.technique import Bench, Technique
 
 UPSAMPLE = Struct(
@@ -52,7 +51,7 @@ class UpsampleParams(Params):
             raise ValueError("step is 3: expected 1, 2 or 4")
 
     def scales(self) -> dict[str, float]:
-        """Return the members of the kernels' struct that depend on them."""
+        """Return the members of the kernels' struct that depend on the parameters."""
         fit = BilateralParams(depth_sigma=self.depth_sigma, normal_sigma=self.normal_sigma)
         return {**fit.scales(), "background": self.background}
 
@@ -107,7 +106,7 @@ class ReducedGBuffer:
 
     @property
     def depth(self) -> Plane:
-        """Depth of the pixels, scene units; queues the pass that picks it if it is not there."""
+        """Depth of the pixels, scene units; queues the pass that picks it where that is due."""
         if self._depth is None:
             self._depth = self.runtime.plane(1, self.whole, math.inf)
         if self._source is not None:
@@ -283,13 +282,7 @@ class UpsampleBlur:
 
 def _packed(reduced: Source, gbuffer: DeviceGBuffer, scales: Mapping[str, float]) -> NDArray[np.void]:
     return UPSAMPLE.pack(
-        {
-            "margin_columns": gbuffer.margin[1],
-            "margin_rows": gbuffer.margin[0],
-            "coarse_columns": reduced.whole[1],
-            "coarse_rows": reduced.whole[0],
-            **scales,
-        }
+        {**margin_values(gbuffer.margin), "coarse_columns": reduced.whole[1], "coarse_rows": reduced.whole[0], **scales}
     )
 
 
@@ -328,31 +321,28 @@ def upsample(
     """
     params = UpsampleParams(step=step, background=background, depth_sigma=depth_sigma, normal_sigma=normal_sigma)
     step = params.step
-    values = checks.as_array("image", image)
-    channels = 3 if values.ndim == 3 else 0
-    values = checks.plane("image", values, channels=channels)
-    if values.shape[:2] != coarse_size(gbuffer.size, step):
+    planes = image_planes(image)
+    expected = coarse_size(gbuffer.size, step)
+    if planes.shape[1:] != expected:
         raise ValueError(
-            f"image has shape {values.shape}: expected {coarse_size(gbuffer.size, step)}, "
-            f"1/{step} of the G-buffer's {gbuffer.size}"
+            f"image has shape {np.shape(image)}: expected {expected}, 1/{step} of the G-buffer's {gbuffer.size}"
         )
     device = on_device(gbuffer, runtime)
     runtime = device.runtime
-    count = channels or 1
+    count = len(planes)
     reduced, technique, plane = runtime.prepared(
         (Upsample, device.size, device.margin, params.shape(), count),
         lambda: (
             ReducedGBuffer(device, step),
             Upsample(runtime, device.size, params, count),
-            runtime.plane(count, values.shape[:2]),
+            runtime.plane(count, expected),
         ),
     )
     technique.params = params
-    plane.upload(np.moveaxis(values, -1, 0) if channels else values[None])
+    plane.upload(planes)
     with runtime.frame():
         reduced.update(device)
-        result = technique.run(device, plane, reduced=reduced).download()
-    return np.ascontiguousarray(np.moveaxis(result, 0, -1)) if channels else result[0]
+        return plane_image(technique.run(device, plane, reduced=reduced).download())
 
 
 DESCRIPTOR = Technique(

@@ -23,7 +23,7 @@ NAMES = ("low", "medium", "high", "ultra")
 
 @dataclass(frozen=True)
 class Setting:
-    """Parameters and what was measured with them.
+    """Parameters and the measurements with them.
 
     Attributes:
         parameters: those worth tuning; a radius is none of them.
@@ -45,7 +45,7 @@ class Setting:
 
 @cache
 def record(technique: str) -> dict[str, Any]:
-    """Return all that is recorded for a technique, as its file holds it; not to be changed.
+    """Return the record of a technique, as its file holds it; not to be changed.
 
     Raises:
         ValueError: it has no presets.
@@ -59,7 +59,7 @@ def record(technique: str) -> dict[str, Any]:
 
 
 def recorded_for(technique: str, layers: int) -> dict[str, Any]:
-    """Return what is recorded for the most depth layers that are no more than `layers`.
+    """Return the record of the most depth layers that are no more than `layers`.
 
     Raises:
         ValueError: the technique has no presets.
@@ -79,7 +79,7 @@ def parameters(technique: str, name: str, layers: int = 1) -> dict[str, Any]:
 
 
 def curve(technique: str, layers: int = 1) -> list[Setting]:
-    """Return the recorded settings of which none is both slower and worse, the fastest first.
+    """Return the recorded settings on the front of error over time, the fastest first.
 
     Raises:
         ValueError: the technique has no presets.

@@ -1,4 +1,4 @@
-"""From what a caller asks for (a preset, an error, a time) to parameters of a technique."""
+"""Choice of a technique's parameters by a preset, an expected error or a time."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MARGIN_SLACK = 0.9
 
 @dataclass(frozen=True)
 class Choice:
-    """Parameters for a technique, and what is to be expected of them.
+    """Parameters for a technique, with their expected error and time.
 
     Attributes:
         params: of the technique, for its class.
@@ -100,7 +100,7 @@ def choice_for(
 def params_for(
     technique: type[OcclusionTechnique], gbuffer: GBuffer | DeviceGBuffer, runtime: Runtime | None, **given: Any
 ) -> Any:
-    """Return the parameters that a call of a technique's function means.
+    """Return the parameters of a call of a technique's function.
 
     Args:
         technique: its class.

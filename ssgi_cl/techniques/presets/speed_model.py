@@ -1,4 +1,4 @@
-"""How fast a device is at a technique: what turns recorded times into times here."""
+"""Device speed model: conversion of recorded times to times on this device."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ if TYPE_CHECKING:
 SMALL, LARGE = (48, 64), (600, 800)
 """Sizes of the measured pictures."""
 SECONDS = 0.15
-"""How long each size is repeated."""
+"""Time for which the runs of each size are repeated."""
 FEWEST = 4
 """Repetitions of each size at least."""
 ALONE = 0.8
-"""Share of the time of all its cores that a CPU spent on the runs, unless it had other work."""
+"""Share of all cores' time that an otherwise idle CPU spends on the runs, at least."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class SpeedModel:
 def measured(
     runtime: Runtime, technique: type[OcclusionTechnique], parameters: Mapping[str, Any]
 ) -> tuple[SpeedModel, bool]:
-    """Return a device's speed model, measured now, and whether nothing else kept the device busy.
+    """Return a device's speed model, measured now, and whether the device was otherwise idle.
 
     Takes less than half a second once the kernels are compiled.
     """
@@ -76,7 +76,7 @@ def measured(
 
 
 def speed_model_of(runtime: Runtime, technique: type[OcclusionTechnique]) -> SpeedModel:
-    """Return a device's speed model with the parameters that the recorded one is of.
+    """Return a device's speed model, with the parameters of the recorded one.
 
     It is measured once for a device, and kept in the cache folder; on a busy machine once for the
     runtime.
@@ -108,7 +108,7 @@ def speed_model_of(runtime: Runtime, technique: type[OcclusionTechnique]) -> Spe
 
 
 def predicted_ms(runtime: Runtime, technique: type[OcclusionTechnique], ms: float, size: Size) -> float:
-    """Return the device time here at a size, (rows, columns), of what was recorded with `ms`.
+    """Return the device time here at a size, (rows, columns), of a setting recorded with `ms`.
 
     It is that of a picture full of surfaces: the defaults, with which both devices were measured on
     such a picture, take as long as there, and other settings longer or less by their recorded ratio

@@ -1,4 +1,8 @@
-"""Directions that stand for an environment."""
+"""Partition of the sphere by solid angle and flux, a direction for each part.
+
+Surfels look up the visibility of every part, dark ones too. `core.environment_samples` has
+directions of equal flux, none of them dark, for depth maps.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.environment_samples import MOST_TEXELS, resized
+from ssgi_cl.core.environment_samples import solid_angles, summed
 from ssgi_cl.core.lights import Environment
 from ssgi_cl.core.vpls import LUMINANCE
 
@@ -42,17 +46,7 @@ def sky_directions(environments: Sequence[Environment], count: int) -> tuple[Dou
             images.append(radiance)
     if not images:
         return _sphere(count), np.full(count, 4.0 * math.pi / count), np.tile(constant, (count, 1))
-    rows = max(LEAST_ROWS, *(image.shape[0] for image in images))
-    columns = max(2 * LEAST_ROWS, *(image.shape[1] for image in images))
-    if len(images) > 1 and rows * columns > MOST_TEXELS:
-        images = [resized(image) for image in images]
-        rows, columns = (max(image.shape[axis] for image in images) for axis in (0, 1))
-    total = np.tile(constant, (rows, columns, 1))
-    for image in images:
-        row = np.arange(rows) * image.shape[0] // rows
-        column = np.arange(columns) * image.shape[1] // columns
-        total += image[row[:, None], column]
-    return _parts(total, count)
+    return _parts(summed(images, (LEAST_ROWS, 2 * LEAST_ROWS), constant), count)
 
 
 def _sphere(count: int) -> Doubles:
@@ -66,8 +60,7 @@ def _sphere(count: int) -> Doubles:
 
 def _parts(image: Doubles, count: int) -> tuple[Doubles, Doubles, Doubles]:
     rows, columns = image.shape[:2]
-    edges = np.cos(np.arange(rows + 1) * (math.pi / rows))
-    solid = np.repeat((edges[:-1] - edges[1:]) * (2.0 * math.pi / columns), columns)
+    solid = np.repeat(solid_angles(rows, columns), columns)
     polar = (np.arange(rows) + 0.5) * (math.pi / rows)
     # The middle column looks down -z, columns run to +x.
     around = ((np.arange(columns) + 0.5) / columns - 0.5) * (2.0 * math.pi)

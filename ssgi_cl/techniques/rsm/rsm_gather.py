@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.params import Params, param
-from ssgi_cl.device.arrays import Plane, Size
+from ssgi_cl.device.arrays import Plane
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime, serialised
@@ -82,32 +82,23 @@ class RsmGatherKeywords(TypedDict, total=False):
 
 
 class RsmGather(RsmTechnique[RsmGatherParams]):
-    """Gathering, prepared for images of one size.
+    """Gathering, prepared for images of one size; see `RsmTechnique` for the arguments.
 
     After Dachsbacher and Stamminger 2005, "Reflective Shadow Maps". Departs: see `rsm_gather`;
     `RsmPublished` is the method as published.
-
-    Args:
-        runtime: the device.
-        size: (rows, columns) of the result.
-        params: see `RsmGatherParams`.
-        margin: (rows, columns) by which the G-buffers exceed the result on every side.
     """
 
     name = "rsm gather"
+    defaults = RsmGatherParams
 
-    def __init__(
-        self, runtime: Runtime, size: Size, params: RsmGatherParams | None = None, margin: Size = (0, 0)
-    ) -> None:
-        params = params or RsmGatherParams()
-        super().__init__(runtime, size, params, margin)
+    def _prepare(self) -> None:
         self._grid: MultiresGrid | None = None
-        if params.resolution == "adaptive":
-            self._grid = MultiresGrid(runtime, size, _grid_params(params))
-            self._bound = runtime.empty(1, np.float32)
-            self._bounds = runtime.kernel("rsm/rsm_gather_bound.cl")
+        if self.params.resolution == "adaptive":
+            self._grid = MultiresGrid(self.runtime, self.size, _grid_params(self.params))
+            self._bound = self.runtime.empty(1, np.float32)
+            self._bounds = self.runtime.kernel("rsm/rsm_gather_bound.cl")
         else:
-            self._irradiance = runtime.plane(3, size)
+            self._irradiance = self.runtime.plane(3, self.size)
 
     def _sampling(self, params: RsmGatherParams) -> MapSampling:
         return MapSampling(pattern=params.pattern, samples=params.samples, radius=params.radius)
@@ -164,7 +155,7 @@ def rsm_gather(
     runtime: Runtime | None = None,
     **params: Unpack[RsmGatherKeywords],
 ) -> NDArray[np.float32]:
-    """Compute irradiance by light that the surfaces in reflective shadow maps reflect once.
+    """Compute irradiance by the one-bounce indirect light of reflective shadow maps.
 
     E(x) = sum over texels of flux cos cos / (pi d^2 + area) (after Dachsbacher and Stamminger
     2005, "Reflective Shadow Maps", eq. 1). Walls between texel and pixel cast no shadow, and what

@@ -25,7 +25,7 @@ from ssgi_cl.techniques.rsm.rsm_samples import (
     disk_pattern,
     tile_turns,
 )
-from ssgi_cl.techniques.source import Source
+from ssgi_cl.techniques.source import Source, margin_values
 
 GATHER = Struct(
     "RsmGatherParams",
@@ -39,14 +39,14 @@ MAP = Struct("RsmMapParams", (*floats(*ROTATION, "radius", "density", "offset"),
 
 @dataclass(frozen=True, kw_only=True)
 class MapSampling:
-    """How the texels of a map are sampled.
+    """Sampling of the texels of a map.
 
     Attributes:
         pattern: "flux", "fixed", "rotated" or "all"; see `RsmGatherParams`.
         samples: of each map, unless the pattern is "all".
         radius: of the disk in sides of a face of the map; inf: to the furthest corner.
         weights: of samples in a disk, see `disk_pattern`.
-        offset: None: texels are discs. Else they are points, moved by so many widths of the
+        offset: None: texels are discs. Else they are points, moved by that many widths of the
             texel's surface along minus its normal; with "fixed" and "rotated" alone.
     """
 
@@ -58,7 +58,7 @@ class MapSampling:
 
 
 class _Samples:
-    """The samples of one map, made anew when the map changes."""
+    """Samples of one map, updated when the map changes."""
 
     def __init__(self, runtime: Runtime, size: Size, sampling: MapSampling) -> None:
         self.texels = TexelRecords(runtime, size)
@@ -77,7 +77,7 @@ class _Samples:
 
 
 class RsmMaps:
-    """Maps that light is gathered from; what depends on the maps alone is made when they change."""
+    """Gathering from maps; samples are updated when the maps change."""
 
     def __init__(self, runtime: Runtime, sampling: MapSampling) -> None:
         self.runtime = runtime
@@ -92,13 +92,13 @@ class RsmMaps:
             self._turns = runtime.array(table.astype(np.float32))
 
     def set(self, sampling: MapSampling) -> None:
-        """Take the values of another sampling, whose pattern, number and weights are the same."""
+        """Replace the sampling by one of the same pattern, number and weights."""
         if sampling.radius != self.sampling.radius and True in self._patterns:
             self._patterns[True].upload(_pattern(sampling, cap=True))
         self.sampling = sampling
 
     def prepare(self, rsms: Sequence[DeviceRsm]) -> None:
-        """Queue what makes the samples of the maps, unless they are those of last time.
+        """Queue the passes that make the samples of the maps, unless they are those of last time.
 
         Raises:
             ValueError: a map's faces do not suit the pattern.
@@ -106,7 +106,9 @@ class RsmMaps:
         if self._in_disk:
             for rsm in rsms:
                 _check_faces(rsm)
-                self._make_pattern(cap=rsm.faces == 6)
+                cap = rsm.faces == 6
+                if cap not in self._patterns:
+                    self._patterns[cap] = self.runtime.array(_pattern(self.sampling, cap=cap))
         for number, rsm in enumerate(rsms):
             if number == len(self._kept):
                 self._kept.append(_Samples(self.runtime, rsm.size, self.sampling))
@@ -125,32 +127,6 @@ class RsmMaps:
             level: whose list of pixels gets its share of the light added; by default all pixels of
                 `source` get it.
         """
-        for number, (rsm, samples) in enumerate(self._maps):
-            self._gather(source, camera, result, level, rsm, samples, add=number > 0)
-
-    def _gather(
-        self,
-        source: Source,
-        camera: Camera,
-        result: Plane,
-        level: Level | None,
-        rsm: DeviceRsm,
-        samples: _Samples,
-        *,
-        add: bool,
-    ) -> None:
-        kernel, given, count = self._pass(rsm, samples, listed=level is not None)
-        to_map = rsm.from_view(camera)
-        packed = GATHER.pack(
-            {
-                **rotation_values(to_map[:, :3]),
-                **dict(zip("xyz", to_map[:, 3], strict=True)),
-                "margin_columns": source.margin[1],
-                "margin_rows": source.margin[0],
-                "samples": count,
-                "add": int(add),
-            }
-        )
         grid = local = None
         if level is not None:
             # Each work-item takes every so-many-th piece of the list, whose length the host does
@@ -158,19 +134,29 @@ class RsmMaps:
             pieces = -(-result.size[0] * result.size[1] // self.runtime.variant.lanes)
             is_gpu = self.runtime.info.kind == "gpu"
             grid, local = (1, pieces if is_gpu else min(pieces, 1024)), (1, 64 if is_gpu else 1)
-        kernel.run(
-            result.size,
-            grid=grid,
-            local=local,
-            depth=source.depth,
-            normal=source.normal,
-            list=None if level is None else level.list,
-            fractions=None if level is None else level.fractions,
-            irradiance=result,
-            camera=source.camera_struct,
-            params=packed,
-            **given,
-        )
+        for number, (rsm, samples) in enumerate(self._maps):
+            kernel, given, count = self._pass(rsm, samples, listed=level is not None)
+            to_map = rsm.from_view(camera)
+            values = {
+                **rotation_values(to_map[:, :3]),
+                **dict(zip("xyz", to_map[:, 3], strict=True)),
+                **margin_values(source.margin),
+                "samples": count,
+                "add": int(number > 0),
+            }
+            kernel.run(
+                result.size,
+                grid=grid,
+                local=local,
+                depth=source.depth,
+                normal=source.normal,
+                list=None if level is None else level.list,
+                fractions=None if level is None else level.fractions,
+                irradiance=result,
+                camera=source.camera_struct,
+                params=GATHER.pack(values),
+                **given,
+            )
 
     def _pass(self, rsm: DeviceRsm, samples: _Samples, *, listed: bool) -> tuple[Kernel, dict[str, Any], int]:
         """Return the kernel, its further arguments and the number of samples."""
@@ -193,10 +179,9 @@ class RsmMaps:
         camera = rsm.cameras[0]
         light = camera_values(camera)
         rows, columns = rsm.face_size
-        radius = sampling.radius * max(rows, columns) if math.isfinite(sampling.radius) else 0.0
         values = {
             **rotation_values(camera.view[:3, :3]),
-            "radius": radius,
+            "radius": sampling.radius * max(rows, columns) if math.isfinite(sampling.radius) else 0.0,
             "density": 1.0 / abs(light["to_x"] * light["to_y"]),
             "offset": sampling.offset or 0.0,
             "columns": columns,
@@ -210,11 +195,6 @@ class RsmMaps:
             "light": MAP.pack(values),
         }
         return kernel, given, sampling.samples
-
-    def _make_pattern(self, *, cap: bool) -> None:
-        """Bring the pattern for maps of one face, or of six, to the device."""
-        if cap not in self._patterns:
-            self._patterns[cap] = self.runtime.array(_pattern(self.sampling, cap=cap))
 
 
 def _pattern(sampling: MapSampling, *, cap: bool) -> NDArray[np.float32]:

@@ -9,13 +9,13 @@ import numpy as np
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.params import Params, param
-from ssgi_cl.device.arrays import Plane, Size
+from ssgi_cl.device.arrays import Plane
 from ssgi_cl.device.gbuffer import DeviceGBuffer
-from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.techniques.multires.multires_grid import TILE, Level
 from ssgi_cl.techniques.rsm.rsm_maps import MapSampling
 from ssgi_cl.techniques.rsm.rsm_technique import RsmTechnique
+from ssgi_cl.techniques.source import margin_values
 
 INTERPOLATE = Struct(
     "RsmInterpolateParams",
@@ -69,7 +69,7 @@ class RsmPublishedParams(Params):
 
 
 class RsmPublished(RsmTechnique[RsmPublishedParams]):
-    """Gathering as published, prepared for images of one size.
+    """Gathering as published, prepared for images of one size; see `RsmTechnique` for the arguments.
 
     Dachsbacher and Stamminger 2005, "Reflective Shadow Maps": E = sum of flux / pi max(0, n_p . (x
     - x_p)) max(0, n . (x_p - x)) / |x - x_p|^4 over samples in a disk round the pixel's place in
@@ -77,25 +77,16 @@ class RsmPublished(RsmTechnique[RsmPublishedParams]):
     low-resolution pass, interpolation where three or four of its pixels are suitable, gathering for
     the rest. Departs: the low-resolution image has pixels of the full-size one, and the maps of
     point lights, which the paper has not, are sampled in a cap of directions.
-
-    Args:
-        runtime: the device.
-        size: (rows, columns) of the result.
-        params: see `RsmPublishedParams`.
-        margin: (rows, columns) by which the G-buffers exceed the result on every side.
     """
 
     name = "rsm published"
+    defaults = RsmPublishedParams
 
-    def __init__(
-        self, runtime: Runtime, size: Size, params: RsmPublishedParams | None = None, margin: Size = (0, 0)
-    ) -> None:
-        params = params or RsmPublishedParams()
-        super().__init__(runtime, size, params, margin)
-        self._lattice = Level(runtime, 0, params.spacing, size, 3)
-        self._rest = Level(runtime, 1, 1, size, 3)
-        self._choose = runtime.kernel("rsm/rsm_published_lattice.cl")
-        self._interpolate = runtime.kernel("rsm/rsm_published_interpolate.cl", structs=(CAMERA, INTERPOLATE))
+    def _prepare(self) -> None:
+        self._lattice = Level(self.runtime, 0, self.params.spacing, self.size, 3)
+        self._rest = Level(self.runtime, 1, 1, self.size, 3)
+        self._choose = self.runtime.kernel("rsm/rsm_published_lattice.cl")
+        self._interpolate = self.runtime.kernel("rsm/rsm_published_interpolate.cl", structs=(CAMERA, INTERPOLATE))
 
     def _sampling(self, params: RsmPublishedParams) -> MapSampling:
         return MapSampling(
@@ -135,14 +126,13 @@ class RsmPublished(RsmTechnique[RsmPublishedParams]):
         return self._rest.values
 
     def _limits(self, gbuffer: DeviceGBuffer) -> np.ndarray:
-        """Return the struct that says which low-resolution pixels are suitable."""
+        """Return the limits up to which low-resolution pixels are suitable."""
         params, camera = self.params, gbuffer.camera_struct
         pixel = max(abs(float(camera["to_x"])), abs(float(camera["to_y"])))
         values = {
             "reach": (params.position_tolerance * params.spacing * pixel) ** 2,
             "cosine": math.cos(params.normal_tolerance),
-            "margin_columns": gbuffer.margin[1],
-            "margin_rows": gbuffer.margin[0],
+            **margin_values(gbuffer.margin),
             "step": params.spacing,
         }
         return INTERPOLATE.pack(values)

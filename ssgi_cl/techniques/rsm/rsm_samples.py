@@ -17,7 +17,6 @@ from ssgi_cl.device.structs import Struct
 
 Doubles = NDArray[np.float64]
 
-RECORD = RSM_RECORD
 SUMS = Struct("RsmSumsParams", tuple((name, "int") for name in ("from", "to", "columns", "rows")))
 
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
@@ -36,6 +35,12 @@ def square_points(count: int) -> Doubles:
     return np.stack([(index + 0.5) / count, np.mod(reversed_ + 0.5 / count, 1.0)], axis=-1)
 
 
+def _spiral(count: int) -> tuple[Doubles, Doubles]:
+    """Return [count] radii in (0, 1), evenly spaced, and [count] angles in radians, well spread."""
+    index = np.arange(count)
+    return (index + 0.5) / count, 2.0 * np.pi * np.mod(index * GOLDEN, 1.0)
+
+
 def disk_pattern(count: int, weights: str) -> Doubles:
     """Return [count, 4] places x, y in the unit disk, 0, and weights that add up to its area.
 
@@ -43,8 +48,7 @@ def disk_pattern(count: int, weights: str) -> Doubles:
     that the density of samples per area is 1 / (2 pi xi). An unbiased weight is one over it,
     proportional to xi ("unbiased"); the paper's is proportional to xi^2 ("paper").
     """
-    xi = (np.arange(count) + 0.5) / count
-    angle = 2.0 * np.pi * np.mod(np.arange(count) * GOLDEN, 1.0)
+    xi, angle = _spiral(count)
     share = xi / xi.sum() if weights == "unbiased" else xi**2 / (xi**2).sum()
     return np.stack([xi * np.cos(angle), xi * np.sin(angle), np.zeros(count), np.pi * share], axis=-1)
 
@@ -52,10 +56,9 @@ def disk_pattern(count: int, weights: str) -> Doubles:
 def cap_pattern(count: int, weights: str, reach: float) -> Doubles:
     """Return [count, 4] directions within `reach` radians of +z, and their solid angles in sr.
 
-    What `disk_pattern` is on a map's plane, on the sphere of a point light's directions.
+    The counterpart of `disk_pattern` on the sphere of a point light's directions.
     """
-    xi = (np.arange(count) + 0.5) / count
-    angle = 2.0 * np.pi * np.mod(np.arange(count) * GOLDEN, 1.0)
+    xi, angle = _spiral(count)
     polar = reach * xi
     density = np.sin(polar) if weights == "unbiased" else xi**2
     cap = 2.0 * np.pi * (1.0 - math.cos(reach))
@@ -92,10 +95,10 @@ def pyramid_levels(size: Size) -> list[Size]:
 
 
 class TexelRecords:
-    """The texels of maps of one size as records, as they lie in memory for gathering.
+    """Records of the texels of maps of one size, in the order in which they are gathered from.
 
     Attributes:
-        records: [texels, RECORD] floats: position, area, normal, power, flux.
+        records: [texels, RSM_RECORD] floats: position, area, normal, power, flux.
         count: texels.
     """
 
@@ -105,13 +108,13 @@ class TexelRecords:
         self.count = size[0] * size[1]
         self._levels = pyramid_levels(size)
         self._starts = np.cumsum([0, *(rows * columns for rows, columns in self._levels)])
-        self.records = runtime.empty(self.count * RECORD, np.float32)
+        self.records = runtime.empty(self.count * RSM_RECORD, np.float32)
         self.sums = runtime.empty(int(self._starts[-1]), np.float32)
         self._kernel = runtime.kernel("rsm/rsm_gather_texels.cl")
         self._sums = runtime.kernel("rsm/rsm_gather_sums.cl", structs=(SUMS,))
 
     def update(self, rsm: DeviceRsm) -> None:
-        """Queue the pass that brings the records, and what each is picked by."""
+        """Queue the pass that writes the records, and the flux by which each is picked."""
         self._kernel.run(
             self.size,
             position=rsm.position,
@@ -123,7 +126,7 @@ class TexelRecords:
         )
 
     def add_up(self) -> None:
-        """Queue the passes that make the pyramid of sums of what `update` brought."""
+        """Queue the passes that build the pyramid of sums of flux, after `update`."""
         for level, size in enumerate(self._levels[1:], 1):
             below = self._levels[level - 1]
             values = {"from": self._starts[level - 1], "to": self._starts[level], "columns": below[1], "rows": below[0]}
@@ -139,14 +142,14 @@ class FluxSamples:
     """Samples drawn in proportion to flux, prepared for one size of maps and number of samples.
 
     Attributes:
-        records: [samples, RECORD] floats, each with the flux and area of all that it stands for.
+        records: [samples, RSM_RECORD] floats, each with the flux and area of all texels that it represents.
         count: samples.
     """
 
     def __init__(self, runtime: Runtime, texels: TexelRecords, count: int) -> None:
         self.count = count
         self._texels = texels
-        self.records: DeviceArray = runtime.empty(count * RECORD, np.float32)
+        self.records: DeviceArray = runtime.empty(count * RSM_RECORD, np.float32)
         table = texels.level_table()
         self._depth = len(table)
         self._table = runtime.array(table)
@@ -154,7 +157,7 @@ class FluxSamples:
         self._kernel = runtime.kernel("rsm/rsm_gather_pick.cl")
 
     def update(self) -> None:
-        """Queue the passes that draw the samples from what the texels are now."""
+        """Queue the passes that draw the samples from the current texels."""
         self._texels.add_up()
         self._kernel.run(
             (1, self.count),

@@ -1,10 +1,10 @@
-"""What techniques share that gather light from reflective shadow maps."""
+"""Base of the techniques that gather light from reflective shadow maps."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.techniques.rsm.rsm_maps import MapSampling, RsmMaps
+from ssgi_cl.techniques.source import camera_of, check_size
 from ssgi_cl.techniques.vpl.vpl_choice import on_device_rsms
 
 LEAST_REACH, MOST_REACH = 1e-7, 1e9
@@ -32,24 +33,31 @@ class RsmTechnique(Prepared[Q], ABC):
     Args:
         runtime: the device.
         size: (rows, columns) of the result.
+        params: of the technique; by default its defaults.
         margin: (rows, columns) by which the G-buffers exceed the result on every side.
-        params: of the technique.
     """
 
     name: ClassVar[str]
-    """Of the pass that is skipped where no light is."""
+    """Of the pass that is skipped without light."""
+    defaults: ClassVar[type[Any]]
+    """The dataclass of its parameters."""
 
-    def __init__(self, runtime: Runtime, size: Size, params: Q, margin: Size) -> None:
-        self._params = params
+    def __init__(self, runtime: Runtime, size: Size, params: Q | None = None, margin: Size = (0, 0)) -> None:
+        self._params = params or self.defaults()
         self.runtime = runtime
         self.size = size
         self.margin = margin
-        self._maps = RsmMaps(runtime, self._sampling(params))
+        self._maps = RsmMaps(runtime, self._sampling(self._params))
         self._dark: Plane | None = None
+        self._prepare()
+
+    @abstractmethod
+    def _prepare(self) -> None:
+        """Compile the kernels, and allocate what they write."""
 
     @abstractmethod
     def _sampling(self, params: Q) -> MapSampling:
-        """Return how each map is sampled."""
+        """Return the sampling of each map."""
 
     def _set(self, params: Q) -> None:
         self._maps.set(self._sampling(params))
@@ -73,13 +81,8 @@ class RsmTechnique(Prepared[Q], ABC):
             ValueError: a G-buffer of another size or margin, an empty one, a map whose faces do
                 not suit the pattern, or surfaces beyond `LEAST_REACH` and `MOST_REACH`.
         """
-        if (gbuffer.size, gbuffer.margin) != (self.size, self.margin):
-            raise ValueError(
-                f"the G-buffer's size and margin are {gbuffer.size} and {gbuffer.margin}: "
-                f"expected {self.size} and {self.margin}"
-            )
-        if gbuffer.camera is None:
-            raise ValueError("the device G-buffer is empty: draw or upload something first")
+        check_size(gbuffer, self.size, self.margin)
+        camera = camera_of(gbuffer)
         maps = (rsms,) if isinstance(rsms, DeviceRsm) else tuple(rsms)
         if not maps:
             self.runtime.skip(self.name, "no light")
@@ -88,7 +91,7 @@ class RsmTechnique(Prepared[Q], ABC):
         for rsm in maps:
             rsm.check_scale("gathering", LEAST_REACH, MOST_REACH)
         self._maps.prepare(maps)
-        return self._gathered(gbuffer, gbuffer.camera)
+        return self._gathered(gbuffer, camera)
 
     @abstractmethod
     def _gathered(self, gbuffer: DeviceGBuffer, camera: Camera) -> Plane:

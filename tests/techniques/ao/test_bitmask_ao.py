@@ -1,4 +1,4 @@
-"""Bitmask AO: against GTAO, and its own parameters. What both share: test_slices.py."""
+"""Bitmask AO: against GTAO, and its own parameters. Tests of all that scan slices: test_slices.py."""
 
 from __future__ import annotations
 
@@ -38,17 +38,6 @@ def test_thick_surfaces_give_gtao(runtime: Runtime, rng: np.random.Generator, ki
     assert abs(float(np.mean(a - b))) < 1e-3
 
 
-def test_floor_by_an_infinite_wall_is_as_dark_as_the_formula_says(runtime: Runtime) -> None:
-    gbuffer, distance = wall_and_floor("perspective")
-    a = bitmask_ao(gbuffer, 1.0, 16, 48, joined=False, blur_radius=0, runtime=runtime)
-    for near, far in ((0.1, 0.2), (0.3, 0.4), (0.6, 0.7), (1.02, 1.2)):
-        there = (distance > near) & (distance < far)
-        wanted = [1.0 - hidden_by_wall(min(c, 1.0), "cosine", "none") for c in distance[there]]
-        # The highest point within the radius lies up to a tap, a 50th of the radius, beyond the
-        # highest tap: .0066 at most, half of it with twice the taps.
-        assert np.mean(a[there]) == pytest.approx(np.mean(wanted), abs=8e-3)
-
-
 @pytest.mark.parametrize("sectors", ["cosine", pytest.param("angle", marks=pytest.mark.slow)])
 def test_thinner_surfaces_let_more_light_pass(runtime: Runtime, rng: np.random.Generator, sectors: str) -> None:
     gbuffer = scene("bumpy", camera(), rng)
@@ -61,20 +50,6 @@ def test_thinner_surfaces_let_more_light_pass(runtime: Runtime, rng: np.random.G
         assert np.mean(thin - thick) > 1e-3
     # A surface without thickness covers no sector but by rounding, and that of both ends alike.
     assert float(images[0].mean()) > 0.999
-
-
-@pytest.mark.parametrize(
-    ("params", "message"),
-    [
-        ({"thickness": -0.1}, r"thickness is -0.1: expected a number >= 0.*radii"),
-        ({"sectors": "equal"}, r"sectors is 'equal': expected one of 'cosine', 'angle'"),
-    ],
-)
-def test_bad_parameter_is_refused(
-    runtime: Runtime, rng: np.random.Generator, params: dict[str, Any], message: str
-) -> None:
-    with pytest.raises(ValueError, match=message):
-        bitmask_ao(scene("corner", camera(size=(4, 4)), rng), runtime=runtime, **params)
 
 
 def test_joined_taps_find_what_lies_between_them_and_up_to_the_radius(runtime: Runtime) -> None:

@@ -1,4 +1,4 @@
-"""What a device G-buffer derives: view-space normals that face the viewer, and 1 / depth."""
+"""Derived images of a device G-buffer: view-space normals that face the viewer, and 1 / depth."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""GTAO: against a formula, and its own parameters. What it shares with others: test_slices.py."""
+"""GTAO: its limits and own parameters. Tests of all that scan slices: test_slices.py."""
 
 from __future__ import annotations
 
@@ -9,26 +9,13 @@ import numpy as np
 import pytest
 
 from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device.constants import SLICES_SIMILAR
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.ao.gtao import gtao_reference
 from ssgi_cl.techniques.ao.gtao import GtaoParams, gtao
-from ssgi_cl.techniques.ao.slices import SIMILAR
 
-from ...closed_forms import hidden_by_wall
 from ..analytic import camera, scene
 from ..walls import wall_and_floor
-
-
-@pytest.mark.parametrize("kind", ["perspective", "orthographic"])
-def test_floor_by_an_infinite_wall_is_as_dark_as_the_formula_says(runtime: Runtime, kind: str) -> None:
-    gbuffer, distance = wall_and_floor(kind)
-    a = gtao(gbuffer, 1.0, 16, 48, blur_radius=0, runtime=runtime)
-    for near, far in ((0.1, 0.2), (0.3, 0.4), (0.6, 0.7), (0.9, 0.95), (1.02, 1.2)):
-        there = (distance > near) & (distance < far)
-        wanted = [1.0 - hidden_by_wall(min(c, 1.0), "cosine", "none") for c in distance[there]]
-        # The highest point within the radius lies up to a tap, a 50th of the radius, beyond the
-        # highest tap: .0066 at most, half of it with twice the taps.
-        assert np.mean(a[there]) == pytest.approx(np.mean(wanted), abs=8e-3)
 
 
 def test_corner_with_an_endless_radius_hides_half_of_the_light(runtime: Runtime) -> None:
@@ -78,26 +65,12 @@ def test_contrast_is_a_power(runtime: Runtime, rng: np.random.Generator) -> None
 
 def test_pixels_at_the_very_end_of_similar_depths_are_scanned_too(runtime: Runtime, rng: np.random.Generator) -> None:
     made = camera(size=(12, 64))
-    # Both in the same groups of 16 pixels; 1 / 5 is exactly SIMILAR of 1 / 2, in float32 too.
+    # Both in the same groups of 16 pixels; 1 / 5 is exactly SLICES_SIMILAR of 1 / 2, in float32 too.
     depth = np.where(np.arange(64) < 32, 2.0, 5.0) * np.ones((12, 1))
     gbuffer = GBuffer(camera=made, depth=depth.astype(np.float32))
-    assert np.float32(1.0) / np.float32(5.0) == np.float32(0.5) * np.float32(SIMILAR)
+    assert np.float32(1.0) / np.float32(5.0) == np.float32(0.5) * np.float32(SLICES_SIMILAR)
     a = gtao(gbuffer, 4.0, blur_radius=0, runtime=runtime)
     wanted = gtao_reference(gbuffer, GtaoParams(radius=4.0, blur_radius=0))
     assert wanted[:, 33:40].mean() < 0.9
     # A tap in a thousand may lie on the other side of a pixel's border.
     assert np.mean(np.abs(a - wanted) > 1e-4) < 5e-3
-
-
-@pytest.mark.parametrize(
-    ("params", "message"),
-    [
-        ({"falloff": 1.5}, r"falloff is 1.5: expected a number >= 0 and <= 1.*radii"),
-        ({"thin_occluder": -1.0}, r"thin_occluder is -1.0: expected a number >= 0"),
-    ],
-)
-def test_bad_parameter_is_refused(
-    runtime: Runtime, rng: np.random.Generator, params: dict[str, Any], message: str
-) -> None:
-    with pytest.raises(ValueError, match=message):
-        gtao(scene("corner", camera(size=(4, 4)), rng), runtime=runtime, **params)

@@ -59,10 +59,15 @@ def closely(a: NDArray[np.float32], error: NDArray[np.float32], expected: float 
     assert own < 2e-3, "the test would notice nothing"
 
 
+@pytest.fixture(params=["cosine", "uniform"])
+def weighting(request: pytest.FixtureRequest) -> str:
+    """Each weighting of directions."""
+    return str(request.param)
+
+
 # ---- closed forms
 
 
-@pytest.mark.parametrize("weighting", ["cosine", "uniform"])
 @pytest.mark.parametrize("radius", [0.5, math.inf])
 def test_open_plane_is_open(weighting: str, radius: float, rng: np.random.Generator) -> None:
     turn, _ = np.linalg.qr(rng.standard_normal((3, 3)))
@@ -73,13 +78,11 @@ def test_open_plane_is_open(weighting: str, radius: float, rng: np.random.Genera
     assert (error == 0.0).all()
 
 
-@pytest.mark.parametrize("weighting", ["cosine", "uniform"])
 def test_half_of_the_sky_is_seen_beside_an_infinite_wall(weighting: str) -> None:
     a, error = ray_ao(quads(FLOOR, WALL), above(0.7), math.inf, 256, weighting=weighting, return_error=True)
     closely(a, error, 0.5, other=1e-4)  # 0.7 / FAR
 
 
-@pytest.mark.parametrize("weighting", ["cosine", "uniform"])
 @pytest.mark.parametrize("distance", [0.3, 2.0])
 def test_wall_of_finite_height_hides_its_form_factor(weighting: str, distance: float) -> None:
     height = 1.1
@@ -93,13 +96,11 @@ def test_wall_of_finite_height_hides_its_form_factor(weighting: str, distance: f
     closely(a, error, 1.0 - hidden, other=2e-4)  # 2 / FAR
 
 
-@pytest.mark.parametrize("weighting", ["cosine", "uniform"])
 def test_a_quarter_of_the_sky_is_seen_in_the_corner_of_three_planes(weighting: str) -> None:
     a, error = ray_ao(quads(FLOOR, WALL, SIDE), above(0.4, 0.9), math.inf, 256, weighting=weighting, return_error=True)
     closely(a, error, 0.25, other=2e-4)  # (0.4 + 0.9) / FAR
 
 
-@pytest.mark.parametrize("weighting", ["cosine", "uniform"])
 @pytest.mark.parametrize("attenuation", ["none", "linear", "quadratic"])
 @pytest.mark.parametrize("distance", [0.05, 0.3])
 def test_wall_within_the_radius_hides_half_a_cone(weighting: str, attenuation: str, distance: float) -> None:
@@ -110,7 +111,6 @@ def test_wall_within_the_radius_hides_half_a_cone(weighting: str, attenuation: s
     closely(a, error, 1.0 - hidden, other=START / 0.8)
 
 
-@pytest.mark.parametrize("weighting", ["cosine", "uniform"])
 def test_two_walls_within_the_radius_hide_two_half_cones_that_do_not_meet(weighting: str) -> None:
     a, error = ray_ao(quads(FLOOR, WALL, SIDE), above(0.6, 0.7), 0.8, 256, weighting=weighting, return_error=True)
     # 0.6^2 + 0.7^2 > 0.8^2: no direction reaches both.
@@ -129,7 +129,6 @@ CURVES: dict[str, Callable[[Doubles], Doubles]] = {
 }
 
 
-@pytest.mark.parametrize("weighting", ["cosine", "uniform"])
 @pytest.mark.parametrize("name", CURVES)
 def test_ceiling_hides_the_integral_of_its_attenuation(weighting: str, name: str) -> None:
     c = 0.4  # height of the ceiling in radii
@@ -145,7 +144,6 @@ def test_ceiling_hides_the_integral_of_its_attenuation(weighting: str, name: str
         np.testing.assert_allclose(hidden, (1.0 - c) ** 2, atol=1e-9)
 
 
-@pytest.mark.parametrize("weighting", ["cosine", "uniform"])
 @pytest.mark.parametrize("lift", [1.0, 1.6])
 def test_sphere_above_a_plane_hides_its_form_factor(weighting: str, lift: float) -> None:
     scene, camera = beside_sphere(lift)

@@ -14,7 +14,7 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.direct.shade import shade_reference
 from ssgi_cl.techniques.direct.layer_shading import LitLayers, SenderRecords
 
-from ..analytic import camera, scene
+from ..analytic import camera, check_second_run, scene
 
 SKY = np.random.default_rng(3).random((8, 16, 3))
 LIGHTS: tuple[Light, ...] = (
@@ -113,45 +113,34 @@ def test_visibility_dims_the_sky_of_the_nearest_pixels(
         np.testing.assert_allclose(radiance[layer], expected, atol=1e-5 * expected.max())
 
 
+SUN, TURNED = (
+    (DirectionalLight(way, (3, 2, 1)), Environment((1, 2, 3))) for way in ((-0.3, -1.0, -0.5), (0.3, 1.0, 0.5))
+)
+MIRRORED = np.roll(SKY[::-1], SKY.shape[1] // 2, axis=1)
+"""What a sky sends to a normal it sends to the opposite one when it is mirrored at its middle: rows
+from the top are those from the bottom, and columns lie half a turn further on."""
+
+
+@pytest.mark.parametrize(
+    ("lights", "others"), [(SUN, TURNED), ((Environment(SKY),), (Environment(MIRRORED),))], ids=["sun", "sky"]
+)
 def test_backs_get_the_light_that_fronts_would_get_from_the_other_side(
-    variant_runtime: Runtime, rng: np.random.Generator
+    variant_runtime: Runtime, rng: np.random.Generator, lights: tuple[Light, ...], others: tuple[Light, ...]
 ) -> None:
     device = on_device(layered(rng, (3, 5), emits=False), variant_runtime)
-    sun, turned = (
-        (DirectionalLight(way, (3, 2, 1)), Environment((1, 2, 3))) for way in ((-0.3, -1.0, -0.5), (0.3, 1.0, 0.5))
-    )
-    both = LitLayers(variant_runtime, device.whole, 2, backs=True)
-    fronts = LitLayers(variant_runtime, device.whole, 2)
-    with variant_runtime.frame():
-        found = both.run(device, sun)
-        assert found is not None
-        found = found.download()
-    for half, lights in ((found[:6], sun), (found[6:], turned)):
+
+    def shaded(technique: LitLayers, lights: tuple[Light, ...]) -> NDArray[np.float32]:
         with variant_runtime.frame():
-            expected = fronts.run(device, lights)
-            assert expected is not None
-            expected = expected.download()
-        np.testing.assert_allclose(half, expected, atol=1e-6 * expected.max())
+            radiance = technique.run(device, lights)
+            assert radiance is not None
+            return radiance.download()
+
+    found = shaded(LitLayers(variant_runtime, device.whole, 2, backs=True), lights)
+    fronts = LitLayers(variant_runtime, device.whole, 2)
+    for half, given in ((found[:6], lights), (found[6:], others)):
+        expected = shaded(fronts, given)
+        np.testing.assert_allclose(half, expected, atol=(1e-6 if lights is SUN else 1e-5) * expected.max())
         assert expected[3:].any()
-
-
-def test_backs_see_the_sky_of_the_other_side(variant_runtime: Runtime, rng: np.random.Generator) -> None:
-    # What a sky sends to a normal it sends to the opposite one when it is mirrored at its middle:
-    # rows from the top are those from the bottom, and columns lie half a turn further on.
-    device = on_device(layered(rng, emits=False), variant_runtime)
-    mirrored = np.roll(SKY[::-1], SKY.shape[1] // 2, axis=1)
-    both = LitLayers(variant_runtime, device.whole, 2, backs=True)
-    fronts = LitLayers(variant_runtime, device.whole, 2)
-    with variant_runtime.frame():
-        found = both.run(device, [Environment(SKY)])
-        assert found is not None
-        found = found.download()
-    for half, sky in ((found[:6], SKY), (found[6:], mirrored)):
-        with variant_runtime.frame():
-            expected = fronts.run(device, [Environment(sky)])
-            assert expected is not None
-            expected = expected.download()
-        np.testing.assert_allclose(half, expected, atol=1e-5 * expected.max())
     assert np.abs(found[6:] - found[:6]).max() > 0.05 * found.max()
 
 
@@ -190,10 +179,14 @@ def test_without_light_and_emission_nothing_is_sent(runtime: Runtime, rng: np.ra
 def test_a_second_frame_allocates_nothing(runtime: Runtime, rng: np.random.Generator) -> None:
     device = on_device(layered(rng), runtime)
     technique = LitLayers(runtime, device.whole, 2)
-    technique.run(device, LIGHTS)
-    before = runtime.allocated_bytes, runtime.builds
-    technique.run(device, LIGHTS)
-    assert (runtime.allocated_bytes, runtime.builds) == before
+
+    def run() -> NDArray[np.float32]:
+        with runtime.frame():
+            radiance = technique.run(device, LIGHTS)
+            assert radiance is not None
+            return radiance.download()
+
+    check_second_run(runtime, run)
 
 
 def test_other_gbuffers_are_refused(runtime: Runtime, rng: np.random.Generator) -> None:

@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
-from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.direct.light_shadows import light_shadows_reference
 from ssgi_cl.techniques.direct.light_data import PunctualLights
 from ssgi_cl.techniques.direct.light_shadows import LightShadowParams, LightShadows, cone_misses
 
-from ..analytic import CAMERAS, Ball, Plane, camera, scene, tilted, trace
+from ..analytic import CAMERAS, Ball, Plane, camera, scene, tilted, trace, uploaded
 
 LIGHTS: tuple[Light, ...] = (
     DirectionalLight((-0.5, -1.0, -0.3), (1.0, 2.0, 3.0), angle=0.1),
@@ -42,13 +41,6 @@ def lit(
     plane = LightShadows(runtime, gbuffer.size, params).run(uploaded(runtime, gbuffer), lights)
     assert plane is not None
     return np.moveaxis(plane.download(), 0, -1)
-
-
-def uploaded(runtime: Runtime, gbuffer: GBuffer) -> DeviceGBuffer:
-    """Return the G-buffer on the device."""
-    device = DeviceGBuffer(runtime, gbuffer.size, layers=gbuffer.layers, margin=gbuffer.margin)
-    device.upload(gbuffer)
-    return device
 
 
 def assert_alike(a: NDArray[Any], b: NDArray[Any]) -> None:

@@ -18,7 +18,7 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.direct.shade import shade_reference, world_surface
 from ssgi_cl.techniques.direct.shade import Shade, shade
 
-from ..analytic import CAMERAS, Plane, camera, scene, tilted, trace
+from ..analytic import CAMERAS, Plane, camera, check_second_run, scene, share_off, tilted, trace, uploaded
 
 ROUNDING = 1e-5
 """Relative to the brightest pixel: float32 positions and normals, a few roundings of 2^-24 each."""
@@ -27,11 +27,6 @@ FLIPS = 1e-3
 
 Measured over all scenes, cameras and lights here: none of 258030. An image here may have 2.
 """
-
-
-def share_off(a: NDArray[Any], b: NDArray[Any], tolerance: float) -> float:
-    """Return the share of values that differ by more than `tolerance` (or are not numbers)."""
-    return float(np.mean(~(np.abs(a - b) <= tolerance)))
 
 
 def off(a: NDArray[Any], b: NDArray[Any]) -> float:
@@ -311,14 +306,9 @@ def test_second_call_allocates_and_builds_nothing_and_gives_bit_identical_result
     variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
     gbuffer = painted(scene("bumpy", camera(), rng), rng)
-    device = DeviceGBuffer(variant_runtime, gbuffer.size)
-    device.upload(gbuffer)
+    device = uploaded(variant_runtime, gbuffer)
     technique = Shade(variant_runtime, gbuffer.size)
-    first = technique.run(device, LIGHTS["all"]).download()
-    before = variant_runtime.allocated_bytes, variant_runtime.builds
-    second = technique.run(device, LIGHTS["all"]).download()
-    assert (variant_runtime.allocated_bytes, variant_runtime.builds) == before
-    np.testing.assert_array_equal(first, second)
+    check_second_run(variant_runtime, lambda: technique.run(device, LIGHTS["all"]).download())
 
 
 def test_result_of_one_call_does_not_leak_into_the_next(runtime: Runtime, rng: np.random.Generator) -> None:

@@ -7,9 +7,10 @@ import pytest
 from numpy.typing import NDArray
 
 import ssgi_cl as gi
+from ssgi_cl.device.constants import SHADOW_IMAGES
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import make_scene
-from ssgi_cl.techniques.direct.shadow_blocks import BLOCK, IMAGES, ShadowBlocks
+from ssgi_cl.techniques.direct.shadow_blocks import BLOCK, ShadowBlocks
 
 Doubles = NDArray[np.float64]
 SIZE = 29
@@ -25,13 +26,13 @@ def measured(depth: NDArray[np.float32], perspective: bool) -> Doubles:
 
 
 def found(runtime: Runtime, depth: NDArray[np.float32], perspective: bool) -> Doubles:
-    """Return [faces, IMAGES, rows, columns] of the blocks of [faces, SIZE, SIZE] depths."""
+    """Return [faces, SHADOW_IMAGES, rows, columns] of the blocks of [faces, SIZE, SIZE] depths."""
     blocks = ShadowBlocks(runtime, SIZE)
     plane = runtime.plane(len(depth), (SIZE, SIZE))
     plane.upload(depth)
     result = blocks.plane(len(depth))
     blocks.find(plane, result, range(plane.count), perspective=perspective)
-    return result.download().reshape(len(depth), IMAGES, *blocks.size).astype(np.float64)
+    return result.download().reshape(len(depth), SHADOW_IMAGES, *blocks.size).astype(np.float64)
 
 
 def offsets(u: Doubles, block: Doubles, row: int, column: int) -> Doubles:

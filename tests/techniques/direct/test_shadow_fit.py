@@ -25,7 +25,7 @@ from ssgi_cl.reference.facets import facets_reference
 from ssgi_cl.techniques.direct.light_data import PunctualLight, PunctualLights, ShadowMap
 from ssgi_cl.techniques.direct.light_maps import LightMaps
 from ssgi_cl.techniques.direct.seen_depths import SeenDepths
-from ssgi_cl.techniques.direct.shadow_fit import ALL_PARTS, GRID, MOST_ZOOM, PARTS, Crop, fitted, parts
+from ssgi_cl.techniques.direct.shadow_fit import ALL_CROPS, CROPS, GRID, MOST_ZOOM, Crop, fitted, most_crops
 
 from .test_shade_shadows import boxes
 
@@ -52,6 +52,15 @@ def moved(step: float) -> Camera:
     return Camera.look_at(eye, eye + forward + (0.0, 0.0, 0.05 * step), yfov=STREET.yfov, width=SIZE[1], height=SIZE[0])
 
 
+def fitted_map(
+    runtime: Runtime, size: int, scene: Scene, light: PunctualLight, device: DeviceGBuffer, depths: SeenDepths
+) -> ShadowMap:
+    """Return a light's map that is fitted to a G-buffer."""
+    (shadow,), _ = LightMaps(runtime, size, flux=False).draw(scene, [light], seen=depths.find(device))
+    assert shadow is not None
+    return shadow
+
+
 def fractions(
     runtime: Runtime, device: DeviceGBuffer, light: PunctualLight, shadow: ShadowMap | None
 ) -> NDArray[np.float64]:
@@ -75,8 +84,8 @@ def test_parts_hold_all_that_is_seen_with_the_filters_taps(runtime: Runtime, lig
     camera, size = moved(step), 64
     device, depths = seen_by(runtime, STREET.scene, camera)
     faces = light_cameras(light, STREET.scene.bounds, size)
-    crops = fitted(faces, depths.find(device), parts(len(faces), 1))
-    assert len(crops) <= PARTS
+    crops = fitted(faces, depths.find(device), most_crops(len(faces), 1))
+    assert len(crops) <= CROPS
     assert len(crops) > len({crop.face for crop in crops})
     position, _, there = world_surface(downloaded(device))
     points = position[there]
@@ -105,9 +114,9 @@ def test_parts_hold_all_that_is_seen_with_the_filters_taps(runtime: Runtime, lig
 
 
 def test_parts_are_finer_where_pixels_are_and_no_more_than_allowed() -> None:
-    assert parts(1, 1) == PARTS
-    assert parts(6, 100) == 6
-    assert parts(1, ALL_PARTS + 1) == 1
+    assert most_crops(1, 1) == CROPS
+    assert most_crops(6, 100) == 6
+    assert most_crops(1, ALL_CROPS + 1) == 1
 
 
 def test_parts_lie_on_a_grid_so_that_texels_stay_where_they_are(runtime: Runtime) -> None:
@@ -116,8 +125,8 @@ def test_parts_lie_on_a_grid_so_that_texels_stay_where_they_are(runtime: Runtime
     found = set()
     for step in np.linspace(0.0, 4.0, 9):
         device, depths = seen_by(runtime, STREET.scene, moved(float(step)))
-        found |= set(fitted(faces, depths.find(device), PARTS))
-    assert len(found) > PARTS
+        found |= set(fitted(faces, depths.find(device), CROPS))
+    assert len(found) > CROPS
     for crop in found:
         for zoom, first in ((crop.zoom_x, crop.left), (crop.zoom_y, crop.top)):
             assert first % (size // GRID) == 0
@@ -156,9 +165,7 @@ def test_nothing_seen_and_lights_that_miss_it_have_a_map(runtime: Runtime) -> No
 def test_shadow_of_parts_agrees_with_the_reference(variant_runtime: Runtime, light: PunctualLight) -> None:
     device, depths = seen_by(variant_runtime, STREET.scene, moved(0.0))
     size = 64
-    maps = LightMaps(variant_runtime, size, flux=False)
-    shadow = maps.draw(STREET.scene, [light], seen=depths.find(device))[0][0]
-    assert shadow is not None
+    shadow = fitted_map(variant_runtime, size, STREET.scene, light, device, depths)
     images = shadow.depth.download().astype(np.float64)
     host = downloaded(device)
     position, normal, there = world_surface(host)
@@ -239,9 +246,8 @@ def test_facets_that_turn_away_from_a_light_are_dark(runtime: Runtime) -> None:
     _, normal, there = world_surface(host)
     known, facet = facets_reference(np.asarray(host.depth), normal, camera)
     assert known[there].mean() > 0.9
-    shadow = LightMaps(runtime, 512, flux=False).draw(scene, [light], seen=depths.find(device))[0]
-    assert shadow[0] is not None
-    found = fractions(runtime, device, light, shadow[0])
+    shadow = fitted_map(runtime, 512, scene, light, device, depths)
+    found = fractions(runtime, device, light, shadow)
     away = known & (facet @ way < -0.01) & (normal @ way > 0.0)
     towards = known & (facet @ way > 0.05) & (normal @ way > 0.05)
     assert away.sum() > 100
@@ -249,7 +255,7 @@ def test_facets_that_turn_away_from_a_light_are_dark(runtime: Runtime) -> None:
     assert (found[towards] > 0.999).all()
     # Depths that the user gives may be rounded: nothing is taken from them.
     device.has_facets = False
-    assert (fractions(runtime, device, light, shadow[0])[away] > 0.5).mean() > 0.2
+    assert (fractions(runtime, device, light, shadow)[away] > 0.5).mean() > 0.2
 
 
 # ---- no false shadow, no gap at contacts
@@ -265,8 +271,7 @@ def test_a_lit_ground_has_no_false_shadow_and_boxes_touch_theirs(runtime: Runtim
     device, depths = seen_by(runtime, scene, camera)
     way = np.array([math.cos(turn), height, math.sin(turn)])
     light = DirectionalLight(-way, 1.0)
-    shadow = LightMaps(runtime, 1024, flux=False).draw(scene, [light], seen=depths.find(device))[0]
-    found = fractions(runtime, device, light, shadow[0])
+    found = fractions(runtime, device, light, fitted_map(runtime, 1024, scene, light, device, depths))
     position, normal, there = world_surface(downloaded(device))
     ground = there & (normal[..., 1] > 0.9) & (np.abs(position[..., 1]) < 1e-3)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -325,18 +330,16 @@ def test_kept_parts_give_the_bits_of_parts_drawn_anew(runtime: Runtime) -> None:
                 fractions(runtime, device, light, one), fractions(runtime, device, light, other)
             )
     # All of the first step, and less than half of those of the six that follow.
-    assert PARTS <= drawn < 0.5 * 7 * 3 * PARTS
+    assert CROPS <= drawn < 0.5 * 7 * 3 * CROPS
 
 
 def test_shadows_do_not_crawl(runtime: Runtime) -> None:
     """What two cameras show of a part that both use has one shadow, to the bit of its texels."""
     size = 128
-    maps = [LightMaps(runtime, size, flux=False) for _ in range(2)]
     images: list[dict[Crop, NDArray[np.float32]]] = []
-    for map_, step in zip(maps, (0.0, 0.5), strict=True):
+    for step in (0.0, 0.5):
         device, depths = seen_by(runtime, STREET.scene, moved(step))
-        shadow = map_.draw(STREET.scene, [SUN], seen=depths.find(device))[0][0]
-        assert shadow is not None
+        shadow = fitted_map(runtime, size, STREET.scene, SUN, device, depths)
         planes = shadow.depth.download()
         images.append({c: planes[i] for c, i in zip(shadow.crops, shadow.images, strict=True)})
     shared = 0
@@ -385,7 +388,7 @@ def test_few_pixels_are_wrong_and_fewer_than_with_whole_maps(runtime: Runtime, n
 def test_frames_use_fitted_maps(runtime: Runtime) -> None:
     camera = moved(0.0)
     device, depths = seen_by(runtime, STREET.scene, camera)
-    shadow = LightMaps(runtime, 64, flux=False).draw(STREET.scene, [SUN], seen=depths.find(device))[0][0]
+    shadow = fitted_map(runtime, 64, STREET.scene, SUN, device, depths)
     plane = PunctualLights(runtime, SIZE).run(device, [SUN], shadows=[shadow])
     assert plane is not None
     frame = gi.render(STREET.scene, camera, [replace(SUN)], bounces=0, ao=False, shadow_size=64, runtime=runtime)

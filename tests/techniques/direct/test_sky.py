@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 
 from ssgi_cl.core.lights import Environment
-from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.direct.ambient import irradiance
 from ssgi_cl.reference.direct.sky import texel
 from ssgi_cl.techniques.direct.sky import BRIGHTEST, Sky, directions, filtered
 from ssgi_cl.techniques.ssdo.ssdo_bitmask import SsdoBitmask, SsdoBitmaskParams
 
-from ..analytic import camera, tilted, trace
+from ..analytic import camera, tilted, trace, uploaded
 
 
 def sun(row: int = 10, column: int = 40, radiance: float = 1e5) -> Environment:
@@ -65,8 +64,7 @@ def test_open_plane_receives_the_integral_over_its_hemisphere(runtime: Runtime, 
     plane = tilted(made, degrees)
     gbuffer = trace(made, [plane])
     environment = sun()
-    device = DeviceGBuffer(runtime, gbuffer.size)
-    device.upload(gbuffer)
+    device = uploaded(runtime, gbuffer)
     sky = Sky(runtime)
     sky.set([environment])
     end = SsdoBitmask(runtime, gbuffer.size, SsdoBitmaskParams(radius=0.3))

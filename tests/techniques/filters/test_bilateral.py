@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
-from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
+from ssgi_cl.device.gbuffer import on_device
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.filters.bilateral import bilateral_reference
 from ssgi_cl.techniques.filters.bilateral import Bilateral, BilateralParams, bilateral_blur
 
-from ..analytic import SCENES, VIEWS, camera, scene, tilted, trace
+from ..analytic import SCENES, VIEWS, camera, check_second_run, scene, share_off, tilted, trace, uploaded
 
 ROUNDING = 3e-5
 """Of a blurred image in [0, 1]. A distance from a tangent plane is off by some 2^-24 of the depth,
@@ -27,11 +27,6 @@ NOISE = 2e-4
 """The same where normals rebuilt from noise graze the view: their planes are steep."""
 FLIPS = 1e-3
 """Share of pixels in which that is exceeded, for the steepest of planes."""
-
-
-def share_off(a: NDArray[Any], b: NDArray[Any], tolerance: float) -> float:
-    """Return the share of values that differ by more than `tolerance` (or are not numbers)."""
-    return float(np.mean(~(np.abs(a - b) <= tolerance)))
 
 
 def narrow(size: tuple[int, int] = (33, 47)) -> Camera:
@@ -207,25 +202,15 @@ def test_any_depths_give_values_within_those_of_the_image(variant_runtime: Runti
         assert blurred.max() <= 1.0
 
 
-def test_two_runs_give_bit_identical_results(variant_runtime: Runtime, rng: np.random.Generator) -> None:
+def test_second_run_allocates_and_builds_nothing_and_gives_bit_identical_results(
+    variant_runtime: Runtime, rng: np.random.Generator
+) -> None:
     gbuffer = scene("noisy", camera(size=(131, 217)), rng)
-    image = rng.random(gbuffer.size).astype(np.float32)
-    first = bilateral_blur(image, gbuffer, runtime=variant_runtime)
-    np.testing.assert_array_equal(first, bilateral_blur(image, gbuffer, runtime=variant_runtime))
-
-
-def test_second_call_allocates_and_builds_nothing(variant_runtime: Runtime, rng: np.random.Generator) -> None:
-    gbuffer = scene("bumpy", camera(), rng)
-    device = DeviceGBuffer(variant_runtime, gbuffer.size)
-    device.upload(gbuffer)
+    device = uploaded(variant_runtime, gbuffer)
     blur = Bilateral(variant_runtime, gbuffer.size, BilateralParams(passes=2))
     plane = variant_runtime.plane(1, gbuffer.size)
     plane.upload(rng.random((1, *gbuffer.size)).astype(np.float32))
-    first = blur.run(device, plane).download()
-    before = variant_runtime.allocated_bytes, variant_runtime.builds
-    second = blur.run(device, plane).download()
-    assert (variant_runtime.allocated_bytes, variant_runtime.builds) == before
-    np.testing.assert_array_equal(first, second)
+    check_second_run(variant_runtime, lambda: blur.run(device, plane).download())
 
 
 @pytest.mark.parametrize(

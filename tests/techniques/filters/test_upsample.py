@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
-from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.filters.upsample import upsample_blur_reference, upsample_reference
 from ssgi_cl.techniques.filters.bilateral import BilateralParams, bilateral_blur
 from ssgi_cl.techniques.filters.upsample import ReducedGBuffer, Upsample, UpsampleBlur, coarse_size, upsample
 
-from ..analytic import VIEWS, camera, scene, tilted, trace
+from ..analytic import VIEWS, camera, check_second_run, scene, share_off, tilted, trace, uploaded
 
 ROUNDING = 1e-4
 """Of an image in [0, 1]. A distance from a tangent plane is off by some 2^-24 of the depth, that is
@@ -29,11 +28,6 @@ scene, normals graze the view. Measured, steps 1 to 4: 0.005 without that scene,
 SIZES = ((1, 1), (1, 40), (3, 5), (17, 31), (47, 61), (16, 600))
 
 
-def share_off(a: NDArray[Any], b: NDArray[Any]) -> float:
-    """Return the share of values that differ by more than rounding (or are not numbers)."""
-    return float(np.mean(~(np.abs(a - b) <= ROUNDING)))
-
-
 def upsample_blurred(
     image: NDArray[np.floating],
     gbuffer: GBuffer,
@@ -43,8 +37,7 @@ def upsample_blurred(
     background: float = 0.0,
 ) -> NDArray[np.float32]:
     """Return what `UpsampleBlur` makes of an image."""
-    device = DeviceGBuffer(runtime, gbuffer.size, margin=gbuffer.margin)
-    device.upload(gbuffer)
+    device = uploaded(runtime, gbuffer)
     reduced = ReducedGBuffer(device, step)
     reduced.update(device)
     plane = runtime.plane(1, reduced.size)
@@ -61,7 +54,7 @@ def test_kernel_agrees_with_numpy_reference_in_every_scene_and_camera(
     image = rng.random(coarse_size(gbuffer.size, 2)).astype(np.float32)
     fine = upsample(image, gbuffer, runtime=runtime)
     wanted = upsample_reference(image, gbuffer)
-    assert share_off(fine, wanted) <= FLIPS
+    assert share_off(fine, wanted, ROUNDING) <= FLIPS
 
 
 @pytest.mark.parametrize(
@@ -78,7 +71,7 @@ def test_every_kernel_variant_agrees_with_numpy_reference_for_every_step_and_mar
     options = {"step": step, "background": -1.0, "depth_sigma": 0.02, "normal_sigma": 0.5}
     fine = upsample(image, gbuffer, runtime=variant_runtime, **options)
     wanted = upsample_reference(image, gbuffer, **options)
-    assert share_off(fine, wanted) <= FLIPS
+    assert share_off(fine, wanted, ROUNDING) <= FLIPS
 
 
 @pytest.mark.slow
@@ -174,7 +167,7 @@ def test_blurred_upsampling_agrees_with_numpy_reference_in_every_scene_and_camer
     params = BilateralParams(radius=7)
     fine = upsample_blurred(image, gbuffer, runtime, 2, params)
     wanted = upsample_blur_reference(image, gbuffer, params)
-    assert share_off(fine, wanted) <= FLIPS
+    assert share_off(fine, wanted, ROUNDING) <= FLIPS
 
 
 @pytest.mark.parametrize(
@@ -196,7 +189,7 @@ def test_every_kernel_variant_of_blurred_upsampling_agrees_with_numpy_reference(
     params = BilateralParams(radius=radius, depth_sigma=0.02, normal_sigma=0.5)
     fine = upsample_blurred(image, gbuffer, variant_runtime, step, params, background=-1.0)
     wanted = upsample_blur_reference(image, gbuffer, params, step=step, background=-1.0)
-    assert share_off(fine, wanted) <= FLIPS
+    assert share_off(fine, wanted, ROUNDING) <= FLIPS
 
 
 def test_blurred_upsampling_by_one_is_the_blur(runtime: Runtime, rng: np.random.Generator) -> None:
@@ -241,8 +234,7 @@ def test_blurred_upsampling_of_a_tilted_plane_is_that_of_one_that_faces_the_view
 def test_reduced_gbuffer_sees_what_its_camera_says(variant_runtime: Runtime, rng: np.random.Generator) -> None:
     for margin in ((0, 0), (3, 5), (2, 3)):
         gbuffer = scene("bumpy", camera(size=(22, 34)), rng, margin=margin)
-        device = DeviceGBuffer(variant_runtime, gbuffer.size, margin=margin)
-        device.upload(gbuffer)
+        device = uploaded(variant_runtime, gbuffer)
         reduced = ReducedGBuffer(device, 2)
         reduced.update(device)
         rows, columns = reduced.margin
@@ -257,19 +249,17 @@ def test_two_runs_give_bit_identical_results_and_allocate_nothing(
     variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
     gbuffer = scene("bumpy", camera(), rng)
-    device = DeviceGBuffer(variant_runtime, gbuffer.size)
-    device.upload(gbuffer)
+    device = uploaded(variant_runtime, gbuffer)
     reduced = ReducedGBuffer(device, 2)
     technique = Upsample(variant_runtime, gbuffer.size)
     plane = variant_runtime.plane(1, reduced.size)
     plane.upload(rng.random((1, *reduced.size)).astype(np.float32))
-    results = []
-    for _ in range(2):
-        before = variant_runtime.allocated_bytes, variant_runtime.builds
+
+    def run() -> NDArray[np.float32]:
         reduced.update(device)
-        results.append(technique.run(device, plane, reduced=reduced).download())
-    assert (variant_runtime.allocated_bytes, variant_runtime.builds) == before
-    np.testing.assert_array_equal(*results)
+        return technique.run(device, plane, reduced=reduced).download()
+
+    check_second_run(variant_runtime, run)
 
 
 @pytest.mark.parametrize(

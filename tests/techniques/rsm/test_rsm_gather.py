@@ -23,18 +23,11 @@ from ssgi_cl.rasterize import rsm
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.reference.rsm.rsm_gather import rsm_gather_reference
 from ssgi_cl.techniques.rsm.rsm_gather import RsmGather, RsmGatherParams, rsm_gather
-from ssgi_cl.techniques.rsm.rsm_samples import (
-    RECORD,
-    FluxSamples,
-    TexelRecords,
-    cap_pattern,
-    disk_pattern,
-    square_points,
-)
+from ssgi_cl.techniques.rsm.rsm_published import RsmPublished, RsmPublishedParams
 from ssgi_cl.truth import store
 from ssgi_cl.truth.light import one_bounce
 
-from ..analytic import CAMERAS, camera, scene, slow_but
+from ..analytic import CAMERAS, camera, check_second_run, scene, slow_but, uploaded
 
 LIGHTS = {
     "spot": SpotLight((0.28, 0.54, 0.28), (0.2, -1.0, 0.1), 0.9, (1.0, 2.0, 3.0)),
@@ -97,15 +90,20 @@ def relative(a: NDArray[Any], b: NDArray[Any]) -> float:
 
 
 def share_off(a: NDArray[Any], b: NDArray[Any]) -> float:
-    """Return the share of pixels that differ by more than TWIN, or are no numbers."""
+    """Return the share of pixels that differ by more than REFERENCE, or are no numbers."""
     return float(np.mean(~(np.abs(a - b) <= REFERENCE * (b.mean() + b)).all(axis=-1)))
+
+
+@pytest.fixture(params=GATHER_METHODS)
+def gather_method(request: pytest.FixtureRequest) -> str:
+    """Each way to gather."""
+    return str(request.param)
 
 
 # ---- against the numpy reference
 
 
 @pytest.mark.parametrize("light", slow_but(LIGHTS, "point"))
-@pytest.mark.parametrize("gather_method", GATHER_METHODS)
 def test_every_kernel_variant_agrees_with_numpy_reference(
     variant_runtime: Runtime, light: str, gather_method: str
 ) -> None:
@@ -133,7 +131,6 @@ def test_with_all_texels_every_pixel_is_the_sum_over_the_map(runtime: Runtime, l
     assert share_off(e, rsm_gather_reference(box(20, 15), seen, params)) == 0.0
 
 
-@pytest.mark.parametrize("gather_method", GATHER_METHODS)
 def test_every_kernel_variant_gives_bit_identical_results(
     runtime: Runtime, variant_runtime: Runtime, gather_method: str
 ) -> None:
@@ -234,59 +231,6 @@ def test_unbiased_samples_converge_to_the_sum_over_all_texels(runtime: Runtime, 
     # 0.42, then 0.005 to 0.042, then 0.0009 to 0.01.
     assert errors[1] < 0.3 * errors[0]
     assert errors[2] < 0.02
-
-
-def test_weights_of_a_pattern_add_up_to_what_it_covers() -> None:
-    for weights in ("unbiased", "paper"):
-        assert disk_pattern(400, weights)[:, 3].sum() == pytest.approx(math.pi)
-        assert cap_pattern(400, weights, math.pi)[:, 3].sum() == pytest.approx(4.0 * math.pi)
-        assert cap_pattern(400, weights, 0.5)[:, 3].sum() == pytest.approx(2.0 * math.pi * (1.0 - math.cos(0.5)))
-    np.testing.assert_allclose(np.linalg.norm(cap_pattern(50, "paper", 1.0)[:, :3], axis=1), 1.0)
-
-
-def test_unbiased_weights_integrate_and_the_papers_do_not() -> None:
-    # The mean square distance from the centre of a disk is 1 / 2; with weights xi^2 it is 3 / 5.
-    for weights, expected in (("unbiased", 0.5), ("paper", 0.6)):
-        pattern = disk_pattern(4000, weights)
-        square = np.sum(pattern[:, :2] ** 2, axis=1)
-        assert pattern[:, 3] @ square / math.pi == pytest.approx(expected, rel=1e-3)
-
-
-@pytest.mark.parametrize("size", [(64, 64), (37, 53), (1, 200), (384, 64)])
-def test_samples_are_drawn_in_proportion_to_flux(
-    variant_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int]
-) -> None:
-    texels = TexelRecords(variant_runtime, size)
-    device = DeviceRsm(variant_runtime, size)
-    flux = (rng.random((3, *size)) ** 8).astype(np.float32)
-    flux[:, :, size[1] // 2 :] *= 1e-3
-    flux[:, rng.random(size) < 0.3] = 0.0
-    device.flux.upload(flux)
-    device.area.upload(np.ones((1, *size), np.float32))
-    place = np.indices(size).astype(np.float32)
-    device.position.upload(np.stack([place[1], place[0], np.zeros(size, np.float32)]))
-    texels.update(device)
-    samples = FluxSamples(variant_runtime, texels, 4096)
-    samples.update()
-    records = samples.records.download().reshape(-1, RECORD)
-    x, y = records[:, 0].astype(int), records[:, 1].astype(int)
-    power = flux.sum(axis=0)
-    assert (power[y, x] > 0.0).all()
-    # Each stands for the same share of all power; the rest of the error is of sums in float32.
-    np.testing.assert_allclose(records[:, 8:11].sum(axis=1), power.sum() / 4096, rtol=1e-5)
-    share = np.histogram(x, 4, (0, size[1]))[0] / 4096
-    column_power = power.sum(axis=0, dtype=np.float64)
-    expected = np.histogram(np.arange(size[1]), 4, (0, size[1]), weights=column_power)[0]
-    # Points of the square that are well spread: some of 4096 on either side of a bound.
-    np.testing.assert_allclose(share, expected / expected.sum(), atol=0.01)
-
-
-def test_points_of_the_square_are_well_spread() -> None:
-    points = square_points(1024)
-    assert points.min() > 0.0
-    assert points.max() < 1.0
-    counts = np.histogram2d(*points.T, bins=32, range=((0, 1), (0, 1)))[0]
-    np.testing.assert_array_equal(counts, 1)
 
 
 # ---- irradiance of a scene
@@ -416,20 +360,18 @@ def test_images_of_any_size(
 # ---- prepared once, called many times
 
 
-@pytest.mark.parametrize("gather_method", ["flux", "rotated", "every"])
-def test_second_call_allocates_and_builds_nothing_and_gives_bit_identical_results(
+@pytest.mark.parametrize("gather_method", ["flux", "rotated", "every", "published"])
+def test_second_run_allocates_and_builds_nothing_and_gives_bit_identical_results(
     variant_runtime: Runtime, gather_method: str
 ) -> None:
-    runtime = variant_runtime
-    technique = RsmGather(runtime, box().size, RsmGatherParams(samples=20, **GATHER_METHODS[gather_method]))
-    gbuffer = DeviceGBuffer(runtime, box().size)
-    gbuffer.upload(box())
-    light = on_device_rsm(box_map(), runtime)
-    first = technique.run(gbuffer, light).download()
-    before = runtime.allocated_bytes, runtime.builds
-    second = technique.run(gbuffer, light).download()
-    assert (runtime.allocated_bytes, runtime.builds) == before
-    np.testing.assert_array_equal(first, second)
+    technique: RsmGather | RsmPublished
+    if gather_method == "published":
+        technique = RsmPublished(variant_runtime, box().size, RsmPublishedParams(samples=20))
+    else:
+        params = RsmGatherParams(samples=20, **GATHER_METHODS[gather_method])
+        technique = RsmGather(variant_runtime, box().size, params)
+    gbuffer, light = uploaded(variant_runtime, box()), on_device_rsm(box_map(), variant_runtime)
+    check_second_run(variant_runtime, lambda: technique.run(gbuffer, light).download())
 
 
 def test_what_depends_on_the_map_alone_is_made_when_it_changes(runtime: Runtime) -> None:
@@ -469,7 +411,6 @@ def _empty(seen: ReflectiveShadowMap) -> ReflectiveShadowMap:
 
 @pytest.mark.parametrize("change", [_dark, _empty])
 @pytest.mark.parametrize("light", ["spot", "point"])
-@pytest.mark.parametrize("gather_method", GATHER_METHODS)
 def test_a_map_without_light_gives_none(
     runtime: Runtime, change: Callable[[ReflectiveShadowMap], ReflectiveShadowMap], light: str, gather_method: str
 ) -> None:
@@ -478,7 +419,6 @@ def test_a_map_without_light_gives_none(
 
 
 @pytest.mark.parametrize("light", LIGHTS)
-@pytest.mark.parametrize("gather_method", GATHER_METHODS)
 def test_maps_of_one_texel_a_face(runtime: Runtime, light: str, gather_method: str) -> None:
     params = RsmGatherParams(samples=30, **GATHER_METHODS[gather_method])
     seen = box_map(light, 1)
@@ -487,7 +427,6 @@ def test_maps_of_one_texel_a_face(runtime: Runtime, light: str, gather_method: s
 
 
 @pytest.mark.parametrize("factor", [1e-12, 1e6, 1e20])
-@pytest.mark.parametrize("gather_method", GATHER_METHODS)
 def test_lights_of_any_power_scale_the_result(runtime: Runtime, factor: float, gather_method: str) -> None:
     seen = box_map()
     brighter = replace(seen, flux=np.asarray(seen.flux, np.float64) * factor)
@@ -496,7 +435,6 @@ def test_lights_of_any_power_scale_the_result(runtime: Runtime, factor: float, g
     np.testing.assert_allclose(other.astype(np.float64) / factor, one, rtol=1e-3, atol=1e-4 * one.mean())
 
 
-@pytest.mark.parametrize("gather_method", GATHER_METHODS)
 def test_texels_a_million_times_brighter_than_others(runtime: Runtime, gather_method: str) -> None:
     seen = box_map()
     flux = np.asarray(seen.flux).copy()

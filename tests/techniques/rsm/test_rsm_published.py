@@ -11,22 +11,15 @@ import pytest
 from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer
-from ssgi_cl.device.gbuffer import DeviceGBuffer
-from ssgi_cl.device.rsm import on_device_rsm
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.rsm.rsm_published import Settings, rsm_published_reference
 from ssgi_cl.techniques.rsm.rsm_gather import rsm_gather
 from ssgi_cl.techniques.rsm.rsm_published import RsmPublished, RsmPublishedParams
 
 from ..analytic import CAMERAS, camera, scene, slow_but
-from .test_rsm_gather import LIGHTS, box, box_map, facing, relative, texel
+from .test_rsm_gather import FLIPS, LIGHTS, box, box_map, facing, relative, share_off, texel
 
 SETTINGS = Settings(samples=60, radius=0.4, offset=1.0, spacing=4, position_tolerance=2.0, normal_tolerance=0.2)
-REFERENCE = 1e-4
-"""Relative to the mean and the pixel; measured 4e-6 at most, 2e-7 in the median."""
-FLIPS = 2e-3
-"""Share of pixels that may differ more: a place in the map or a threshold may round to either side
-of it."""
 
 
 def gathered(
@@ -35,10 +28,6 @@ def gathered(
     params = RsmPublishedParams(**asdict(settings))
     technique = RsmPublished(runtime, gbuffer.size, params, gbuffer.margin)
     return technique(gbuffer, rsms), technique
-
-
-def share_off(a: NDArray[Any], b: NDArray[Any]) -> float:
-    return float(np.mean(~(np.abs(a - b) <= REFERENCE * (b.mean() + b)).all(axis=-1)))
 
 
 # ---- against float64
@@ -181,20 +170,7 @@ def test_no_tolerance_leaves_every_pixel_to_gathering(runtime: Runtime) -> None:
     assert technique.computed > np.isfinite(np.asarray(box().depth)).mean()
 
 
-# ---- as the other techniques
-
-
-def test_second_call_allocates_and_builds_nothing(variant_runtime: Runtime) -> None:
-    runtime = variant_runtime
-    technique = RsmPublished(runtime, box().size, RsmPublishedParams(samples=20))
-    gbuffer = DeviceGBuffer(runtime, box().size)
-    gbuffer.upload(box())
-    light = on_device_rsm(box_map(), runtime)
-    first = technique.run(gbuffer, light).download()
-    before = runtime.allocated_bytes, runtime.builds
-    second = technique.run(gbuffer, light).download()
-    assert (runtime.allocated_bytes, runtime.builds) == before
-    np.testing.assert_array_equal(first, second)
+# ---- empty images and bad input
 
 
 def test_an_empty_image_gets_nothing(runtime: Runtime) -> None:

@@ -1,9 +1,9 @@
-"""What became of each stage and resource when a frame graph was run, to be read, kept and drawn."""
+"""Record of a run of the frame graph: what became of each stage and resource, to be read, kept and drawn."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
@@ -12,20 +12,24 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.timing import PassTime
 from ssgi_cl.frame.graph_dot import dot
 from ssgi_cl.frame.graph_mermaid import mermaid
+from ssgi_cl.frame.stage import Stage
 
 STATES = {
     "ran": "ran",
     "reused": "its results are those of an earlier frame: what it reads is the same",
-    "idle": "its condition, or a resource that is not there, says that there is nothing to do",
+    "idle": "its condition says that there is nothing to do",
     "unneeded": "only stages would read it that are idle or reused",
     "culled": "no output needs it, or the caller gives what it writes",
     "planned": "not run yet",
 }
-"""What may become of a stage."""
+"""Meaning of each state of a stage."""
+
+MOST_SHARE = 0.25
+"""Share of a frame's device time above which drawings show a stage as a group of its kernels."""
 
 
 class StageRun(NamedTuple):
-    """What became of a stage.
+    """Outcome of a stage.
 
     Attributes:
         state: out of `STATES`.
@@ -70,6 +74,20 @@ class StageRecord:
     def live(self) -> bool:
         """Whether its resources are there."""
         return self.state in ("ran", "reused", "planned")
+
+    @property
+    def kernels(self) -> dict[str, tuple[int, float]]:
+        """Number and milliseconds of its passes by kernel, in the order of their first passes."""
+        found: dict[str, tuple[int, float]] = {}
+        for each in self.passes:
+            count, ms = found.get(each.name, (0, 0.0))
+            found[each.name] = count + 1, ms + each.ms
+        return found
+
+    def text(self, total: float) -> str:
+        """Return what drawings say of it, line by line, in a frame of `total` milliseconds on the device."""
+        notes = [self.why] if self.why else [f"{skip.name}: {skip.skipped}" for skip in self.skips]
+        return "\n".join([self.name, duration(self.ms, total) if self.state == "ran" else self.state, *notes])
 
 
 @dataclass(frozen=True)
@@ -116,6 +134,21 @@ class GraphRecord:
     resources: tuple[ResourceRecord, ...]
     memory: dict[str, int]
 
+    @property
+    def ms(self) -> float:
+        """Milliseconds of all passes on the device."""
+        return sum(stage.ms for stage in self.stages)
+
+    def boxes(self, stage: StageRecord) -> list[str]:
+        """Return the text of each box of a stage in drawings: of one, or of each kernel where the stage takes more than
+        `MOST_SHARE` of the frame and has several."""
+        if stage.ms <= MOST_SHARE * self.ms or len(stage.kernels) < 2:
+            return [stage.text(self.ms)]
+        return [
+            f"{name}{f' x {count}' if count > 1 else ''}\n{duration(ms, self.ms)}"
+            for name, (count, ms) in stage.kernels.items()
+        ]
+
     def to_json(self) -> str:
         """Return the record as JSON: one object.
 
@@ -129,116 +162,98 @@ class GraphRecord:
             entry["passes"] = [{"name": p.name, "ms": round(p.ms, 4)} for p in stage.passes]
             entry["skips"] = [{"name": p.name, "why": p.skipped, "saved_ms": round(p.saved, 4)} for p in stage.skips]
             stages.append(entry)
-        return json.dumps(
-            {
-                "device": self.device,
-                "outputs": self.outputs,
-                "memory": self.memory,
-                "stages": stages,
-                "resources": [asdict(each) for each in self.resources],
-            },
-            indent=1,
-        )
+        return json.dumps({**asdict(self), "stages": stages}, indent=1)
 
     def to_dot(self) -> str:
-        """Return the graph in the language of Graphviz: stages are boxes, resources ellipses."""
+        """Return the graph in the language of Graphviz, see `dot`."""
         return dot(self)
 
     def to_mermaid(self) -> str:
-        """Return the graph in the language of Mermaid: stages are boxes, resources rounded."""
+        """Return the graph in the language of Mermaid, see `mermaid`."""
         return mermaid(self)
 
 
-@dataclass(frozen=True)
-class StageNames:
-    """The names of a stage and of its resources, see `Stage`, and whether its results are kept."""
+def graph_record(
+    runtime: Runtime,
+    stages: Sequence[Stage],
+    runs: Mapping[str, StageRun],
+    passes: Sequence[PassTime],
+    costs: Mapping[str, float],
+    sizes: Mapping[str, int],
+    *,
+    given: frozenset[str],
+    outputs: frozenset[str],
+    held: frozenset[str],
+    keep: bool,
+) -> GraphRecord:
+    """Return the record of a run; its memory is that of now.
 
-    name: str
-    reads: tuple[str, ...]
-    hints: tuple[str, ...]
-    writes: tuple[str, ...]
-    kept: bool
-
-
-@dataclass(frozen=True, eq=False)
-class GraphLog:
-    """What a run of a graph leaves: no resource, and nothing that holds device memory.
-
-    Attributes:
+    Args:
         runtime: the device.
-        outputs: resources asked for.
-        also: others that the caller reads after the run where they are there.
-        given: names of the resources that the caller gave.
-        stages: in their order.
+        stages: in their order; only their names and those of their resources are read.
         runs: what became of each stage, by name.
         passes: of the frame, in order.
         costs: ms of the latest run, by name of stage.
-        device_bytes: of each resource, by name.
+        sizes: bytes of device memory of each resource, by name.
+        given: resources that the caller gave.
+        outputs: resources asked for.
+        held: resources that the caller reads after the run, `outputs` among them.
+        keep: whether results are kept for the next frame.
     """
-
-    runtime: Runtime
-    outputs: frozenset[str]
-    also: frozenset[str]
-    given: frozenset[str]
-    stages: tuple[StageNames, ...]
-    runs: Mapping[str, StageRun]
-    passes: tuple[PassTime, ...]
-    costs: Mapping[str, float]
-    device_bytes: Mapping[str, int]
-
-    def record(self) -> GraphRecord:
-        """Return the record; its memory is that of now."""
-        stages = []
-        for stage in self.stages:
-            run = self.runs[stage.name]
-            own = self.passes[run.first : run.end]
-            ran = tuple(p for p in own if not p.skipped)
-            stages.append(
-                StageRecord(
-                    stage.name,
-                    run.state,
-                    run.why,
-                    sum(p.ms for p in ran),
-                    run.host_ms,
-                    self.costs.get(stage.name),
-                    stage.reads,
-                    stage.hints,
-                    stage.writes,
-                    ran,
-                    tuple(p for p in own if p.skipped),
-                )
+    records = []
+    for stage in stages:
+        run = runs[stage.name]
+        own = passes[run.first : run.end]
+        ran = tuple(p for p in own if not p.skipped)
+        records.append(
+            StageRecord(
+                stage.name,
+                run.state,
+                run.why,
+                sum(p.ms for p in ran),
+                run.host_ms,
+                costs.get(stage.name),
+                stage.reads,
+                stage.hints,
+                stage.writes,
+                ran,
+                tuple(p for p in own if p.skipped),
             )
-        memory, info = self.runtime.memory, self.runtime.info
-        return GraphRecord(
-            f"{info.label}, {self.runtime.variant}",
-            tuple(sorted(self.outputs)),
-            tuple(stages),
-            tuple(self._resources(stages)),
-            {"used": memory.used, "peak": memory.peak, "limit": memory.limit},
         )
-
-    def _resources(self, stages: Sequence[StageRecord]) -> Iterator[ResourceRecord]:
-        kept = {name for stage in self.stages if stage.kept for name in stage.writes}
-        writers = {name: each for each in stages for name in each.writes if name not in self.given}
-        read = (name for stage in stages for name in stage.reads if name in self.given)
-        for name in dict.fromkeys((*read, *writers)):
-            writer = writers.get(name)
-            touching = [
-                stage.name for stage in stages if stage.live and name in (*stage.reads, *stage.hints, *stage.writes)
-            ]
-            if writer is not None and not writer.live:
-                touching = []
-            given = writer is None
-            yield ResourceRecord(
+    kept = {name for stage in stages if keep and not stage.on_demand for name in stage.writes}
+    writers = {name: each for each in records for name in each.writes if name not in given}
+    read = (name for each in records for name in each.reads if name in given)
+    resources = []
+    for name in dict.fromkeys((*read, *writers)):
+        writer = writers.get(name)
+        touching = [each.name for each in records if each.live and name in (*each.reads, *each.hints, *each.writes)]
+        if writer is not None and not writer.live:
+            touching = []
+        resources.append(
+            ResourceRecord(
                 name,
-                None if given or not touching else self.device_bytes.get(name),
-                given,
-                name in self.outputs | self.also,
-                not given and name in kept,
+                sizes.get(name) if writer is not None and touching else None,
+                writer is None,
+                name in held,
+                writer is not None and name in kept,
                 None if writer is None else writer.name,
                 touching[0] if touching else None,
                 touching[-1] if touching else None,
             )
+        )
+    memory, info = runtime.memory, runtime.info
+    return GraphRecord(
+        f"{info.label}, {runtime.variant}",
+        tuple(sorted(outputs)),
+        tuple(records),
+        tuple(resources),
+        {"used": memory.used, "peak": memory.peak, "limit": memory.limit},
+    )
+
+
+def duration(ms: float, total: float) -> str:
+    """Return a time in ms with its share of `total`."""
+    return f"{ms:.2f} ms, {ms / total:.0%}" if total else f"{ms:.2f} ms"
 
 
 def device_bytes(value: Any) -> int:

@@ -1,4 +1,4 @@
-"""The whole pipeline: a scene, a camera and lights to a picture."""
+"""The function `render`: a scene, a camera and lights to a frame."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from collections.abc import Iterable, Sequence
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import Light, light_tuple
+from ssgi_cl.core.params import parameter_fields
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.frame.params import FrameParams
 from ssgi_cl.frame.renderer import Renderer, default_ao_radius
 from ssgi_cl.frame.result import Frame
-from ssgi_cl.frame.skips import chosen_skips
 from ssgi_cl.rasterize.raster.view import device_scene
 
 __all__ = ["Frame", "Renderer", "default_ao_radius", "render"]
@@ -113,32 +113,11 @@ def render(
     Raises:
         TypeError, ValueError: an argument of the wrong type or out of range.
     """
+    given = {name: value for name, value in locals().items() if name in parameter_fields(FrameParams)}
     if not isinstance(camera, Camera):
         raise TypeError(f"camera is {camera!r}: expected an ssgi_cl.Camera")
     lights = light_tuple(lights)
-    params = FrameParams(
-        bounces=bounces,
-        preset=preset,
-        ao=ao,
-        ao_radius=ao_radius,
-        ao_samples=ao_samples,
-        multi_bounce=multi_bounce,
-        indirect=indirect,
-        method=method,
-        vpls=vpls,
-        glossy_vpls=glossy_vpls,
-        indirect_ao=indirect_ao,
-        layers=layers,
-        overscan=overscan,
-        auxiliary_cameras=auxiliary_cameras,
-        shadow_size=shadow_size,
-        rsm_size=rsm_size,
-        exposure=exposure,
-        curve=curve,
-        gbuffer=gbuffer,
-        outputs=outputs,
-        skips=chosen_skips(skips),
-    )
+    params = FrameParams(**given)
     runtime = runtime or Runtime.open()
     device_scene(scene, runtime)
     renderer: Renderer = runtime.prepared(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import ssgi_cl as gi
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import make_scene
@@ -15,7 +13,7 @@ def test_another_radius_runs_occlusion_and_what_reads_it(runtime: Runtime) -> No
     lights = [*view.lights, gi.Environment((0.3, 0.4, 0.5))]
 
     def states(radius: float) -> dict[str, str]:
-        frame: Any = gi.render(
+        frame = gi.render(
             view.scene,
             camera,
             lights,
@@ -27,7 +25,7 @@ def test_another_radius_runs_occlusion_and_what_reads_it(runtime: Runtime) -> No
             exposure=1.0,
             runtime=runtime,
         )
-        return {name: run.state for name, run in frame._log.runs.items()}
+        return {stage.name: stage.state for stage in frame.graph.stages}
 
     states(0.3)
     same = states(0.3)

@@ -13,7 +13,7 @@ from click.testing import CliRunner, Result
 import ssgi_cl as gi
 from ssgi_cl.cli.command import main
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.frame.params import bounce_methods, bounce_params
+from ssgi_cl.frame.params import FrameParams, bounce_methods
 from ssgi_cl.io import exr
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.techniques.multires import multires_splat as multires
@@ -57,22 +57,27 @@ def test_render_gives_the_light_of_the_method_asked_for(runtime: Runtime, indire
     assert np.abs(frame.indirect - own.indirect).mean() > 1e-3 * wanted.mean()
 
 
+def bounce(name: str, method: str | None = None) -> Any:
+    """Return the parameters of a technique of one bounce in frames."""
+    return FrameParams(indirect=name, method=method).techniques(0.5)[1]
+
+
 def test_a_method_of_ssdo_comes_from_its_own_parameters() -> None:
     choices = bounce_methods("ssdo")
     assert set(choices) >= {"bitmask", "points"}
     for method in choices:
-        params = bounce_params("ssdo", 10, 1, 0.5, 0, method)
-        assert isinstance(params, gi.SsdoParams)
-        assert params.method == method
-    assert bounce_params("ssdo", 10, 1, 0.5) == bounce_params("ssdo", 10, 1, 0.5, 0, choices[0])
+        assert isinstance(bounce("ssdo", method), gi.SsdoParams)
+        assert bounce("ssdo", method).method == method
+        assert bounce("ssdo", method).radius == 0.5
+    assert bounce("ssdo") == bounce("ssdo", choices[0])
 
 
 def test_the_default_method_is_the_first() -> None:
     for name, methods in (("multires", multires.METHODS), ("gather", gather.METHODS)):
         assert bounce_methods(name) == tuple(methods)
         for method, kind in methods.items():
-            assert type(bounce_params(name, 10, 1, 0.5, 0, method)) is kind.params
-        assert type(bounce_params(name, 10, 1, 0.5)) is next(iter(methods.values())).params
+            assert type(bounce(name, method)) is kind.params
+        assert type(bounce(name)) is next(iter(methods.values())).params
 
 
 @pytest.mark.parametrize(

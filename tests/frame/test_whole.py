@@ -14,7 +14,7 @@ import ssgi_cl as gi
 from ssgi_cl.bench.cases.vpl_lobes import polished
 from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.frame.params import PRESETS, cell_size, whole_params
+from ssgi_cl.frame.params import PRESETS, FrameParams, cell_size
 from ssgi_cl.rasterize.raster.rasterizer import Rasterizer
 from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.rasterize.scenes import make_scene
@@ -114,7 +114,7 @@ def test_scene_light_is_kept_while_only_the_camera_moves(runtime: Runtime) -> No
     )
     gi.render(built.scene, first, built.lights, **given)
     frame = gi.render(built.scene, moved, built.lights, **given)
-    states = {name: run.state for name, run in frame._log.runs.items()}
+    states = {stage.name: stage.state for stage in frame.graph.stages}
     assert states["radiosity"] == "reused"
     assert states["bounce"] == "ran"
     # No environment: its stage costs nothing, and says why.
@@ -157,29 +157,25 @@ def test_a_closed_room_that_absorbs_nothing_is_refused_or_cut_off(runtime: Runti
 @pytest.mark.parametrize(
     ("given", "error", "message"),
     [
-        ((-1, None, None), ValueError, r"bounces is -1: expected .* 0"),
-        ((1.5, None, None), TypeError, r"bounces is 1\.5: expected an integer"),
-        (("some", None, None), ValueError, r"bounces is 'some': expected .*'all'"),
-        ((None, "best", None), ValueError, r"preset is 'best': expected .*'low'.*'ultra'"),
-        ((0, "low", None), ValueError, r"preset is 'low': expected None without bounces"),
-        ((2, None, "vpl"), ValueError, r"bounces is 2: expected None or 0 with indirect='vpl'"),
+        ({"bounces": -1}, ValueError, r"bounces is -1: expected .* 0"),
+        ({"bounces": 1.5}, TypeError, r"bounces is 1\.5: expected an integer"),
+        ({"bounces": "some"}, ValueError, r"bounces is 'some': expected .*'all'"),
+        ({"preset": "best"}, ValueError, r"preset is 'best': expected .*'low'.*'ultra'"),
+        ({"bounces": 0, "preset": "low"}, ValueError, r"preset is 'low': expected None without bounces"),
+        ({"bounces": 2, "indirect": "vpl"}, ValueError, r"bounces is 2: expected None or 0 with indirect='vpl'"),
     ],
     ids=str,
 )
-def test_bad_arguments_are_refused(given: tuple[Any, Any, Any], error: type[Exception], message: str) -> None:
+def test_bad_arguments_are_refused(given: dict[str, Any], error: type[Exception], message: str) -> None:
     with pytest.raises(error, match=message):
-        whole_params(*given)
+        FrameParams(**given)
 
 
 def test_arguments_choose_the_whole_picture_or_a_technique() -> None:
-    assert whole_params(None, None, None) == PRESETS["high"]()
-    assert whole_params(0, None, None) is None
-    assert whole_params(None, None, "multires") is None
-    assert whole_params(None, None, False) is None
-    one = whole_params(1, "low", None)
-    assert one is not None
-    assert one.bounces == 1
-    assert one.vpls == PRESETS["low"]().vpls
+    assert FrameParams().whole == PRESETS["high"]()
+    for given in ({"bounces": 0}, {"indirect": "multires"}, {"indirect": False}):
+        assert FrameParams(**given).whole is None
+    assert FrameParams(bounces=1, preset="low").whole == PRESETS["low"](1)
     assert cell_size(cube(0.5, 0.0)) == pytest.approx(2.0 / 122.0)
 
 

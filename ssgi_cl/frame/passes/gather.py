@@ -15,19 +15,18 @@ from ssgi_cl.frame.passes.resources import (
     SKY_LIGHT,
     SURFELS,
 )
-from ssgi_cl.frame.stage import Stage, Values
+from ssgi_cl.frame.stage import Declared, Stage
 from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.techniques.multires.multires_splat import MultiresSplat, MultiresSplatParams
 from ssgi_cl.techniques.occupancy.occupancy_grid import MOST_CELLS, Occupancy
 
 SURFEL_CAPACITY = 2
-"""Light sources that radiosity returns, at most, over the surfels asked for."""
+"""Most lights that radiosity returns, as a multiple of the surfels asked for."""
 
 
 def gather(build: Build) -> Stage:
-    """Return the pass: of punctual lights once by virtual point lights of their maps, all else by
-    surfels."""
-    whole, runtime = build.params.whole_params(), build.runtime
+    """Return the pass: virtual point lights carry the first bounce of punctual lights, surfels all else."""
+    whole, runtime = build.whole, build.runtime
     splat = MultiresSplat(
         runtime,
         build.size,
@@ -37,7 +36,7 @@ def gather(build: Build) -> Stage:
         surfels=SURFEL_CAPACITY * whole.surfels,
     )
 
-    def run(r: Values) -> tuple[Plane, Occupancy | None]:
+    def run(r: Declared) -> tuple[Plane, Occupancy | None]:
         maps, seen = r[RSM], r[GBUFFER]
         found = splat.gather(
             seen,
@@ -56,5 +55,4 @@ def gather(build: Build) -> Stage:
         hints=(RSM,),
         writes=(INDIRECT, OCCUPANCY),
         run=run,
-        label=splat.name,
     )

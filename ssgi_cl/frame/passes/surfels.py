@@ -1,4 +1,4 @@
-"""Pass: radiosity, which carries light from surface to surface, seen or not."""
+"""Pass: radiosity: light from surface to surface, seen or not, carried by surfels."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from ssgi_cl.frame.passes.build import Build
 from ssgi_cl.frame.passes.resources import CASTING, LIGHT_VOLUME, LIGHTS, RSM, SURFELS
-from ssgi_cl.frame.stage import Stage, Values
+from ssgi_cl.frame.stage import Declared, Stage
 from ssgi_cl.techniques.radiosity.light_volume import LightVolume
 from ssgi_cl.techniques.radiosity.radiosity import Radiosity, RadiosityParams
 from ssgi_cl.techniques.vpl.world_vpls import WorldVpls
@@ -14,10 +14,10 @@ from ssgi_cl.techniques.vpl.world_vpls import WorldVpls
 
 def surfels(build: Build) -> Stage:
     """Return the pass. It depends on scene and lights alone: a moving camera does not run it again."""
-    whole = build.params.whole_params()
+    whole = build.whole
     radiosity = Radiosity(build.runtime, RadiosityParams(surfels=whole.surfels, bounces=whole.bounces))
 
-    def run(r: Values) -> tuple[WorldVpls | None, Callable[[], LightVolume | None]]:
+    def run(r: Declared) -> tuple[WorldVpls | None, Callable[[], LightVolume | None]]:
         maps = r[RSM]
         light = radiosity.run(r[CASTING], r[LIGHTS], rsms=[] if maps is None else [maps])
         return light, lambda: radiosity.volume  # computed where a reflection asks for it

@@ -25,7 +25,7 @@ from ssgi_cl.techniques.ao.gtao import GtaoParams
 
 
 class Recorder:
-    """Makes stages that note their runs; each adds up what it reads, and one."""
+    """Stages that note their runs; each adds up what it reads, and one."""
 
     def __init__(self) -> None:
         self.ran: list[str] = []
@@ -381,27 +381,3 @@ def test_a_stage_of_much_time_is_drawn_as_a_group_of_its_kernels() -> None:
     assert record.boxes(stage("small", ("a", 1.0), ("b", 1.0))) == ["small\n2.00 ms, 20%"]
     assert 'subgraph cluster_0 { label="gather\\n7.00 ms, 70%";' in record.to_dot()
     assert '  subgraph s0["gather<br>7.00 ms, 70%"]' in record.to_mermaid()
-
-
-# ---- a stage more
-
-
-def test_a_new_stage_is_one_record(runtime: Runtime) -> None:
-    """How much of the image shows anything, from the G-buffer: in no other place than here."""
-
-    def covered(values: Declared) -> float:
-        return float(np.isfinite(values[GBUFFER].depth.download()[0]).mean())
-
-    coverage = Stage(name="coverage", reads=(GBUFFER,), writes=("coverage",), run=covered)
-    built = BUILTIN_SCENES["cornell_box"]()
-    renderer = Renderer(runtime, (48, 64), FrameParams(bounces=0, ao=False, shadow_size=32))
-    graph = Graph(runtime, [*renderer._graph.stages, coverage])
-    camera = Camera.look_at(built.eye, built.target, yfov=built.yfov, width=64, height=48)
-    given = {"scene": built.scene, "camera": camera, "lights": (), "multi_bounce": False}
-    run = graph.run(given, ["coverage"])
-    depth = renderer(built.scene, camera, (), gbuffer=True).gbuffer.depth
-    assert run.values["coverage"] == np.isfinite(np.asarray(depth)).mean()
-    states = {stage.name: stage.state for stage in run.record().stages}
-    assert [name for name, state in states.items() if state == "ran"] == ["G-buffer", "coverage"]
-    again = graph.run(given, ["coverage"])
-    assert again.record().stages[-1].state == "reused"

@@ -11,7 +11,7 @@ import ssgi_cl as gi
 from ssgi_cl.core.scene_parts import scene_parts
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.graph import Graph
-from ssgi_cl.frame.params import PRESETS, FrameParams, WholeFrameParams
+from ssgi_cl.frame.params import FrameParams
 from ssgi_cl.frame.passes.build import Build
 from ssgi_cl.frame.passes.resources import INDIRECT
 from ssgi_cl.frame.passes.tonemap import pixels
@@ -71,25 +71,7 @@ def test_a_renderer_has_the_defaults_of_render(runtime: Runtime, given: dict[str
     np.testing.assert_array_equal(other.image, frame.image)
 
 
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"vpls": -5}, r"vpls is -5: expected an integer >= 16 and <= 65536"),
-        ({"surfels": 0}, r"surfels is 0: expected an integer"),
-        ({"error": -1}, r"error is -1: expected a number"),
-        ({"bounces": 0}, r"bounces is 0: expected an integer >= 1 and <= 1000 \(reflections\)"),
-    ],
-    ids=str,
-)
-def test_parameters_of_the_whole_picture_are_checked(given: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        WholeFrameParams(**given)
-
-
-def test_parameters_of_frames_are_checked_and_presets_are_constructors(runtime: Runtime) -> None:
-    with pytest.raises(ValueError, match=r"layers is 0: expected an integer >= 1 and <= 16"):
-        FrameParams(layers=0)
-    assert FrameParams(preset=WholeFrameParams.low(2)).whole == PRESETS["low"](2)
+def test_a_renderer_takes_parameters_of_its_shape_alone(runtime: Runtime) -> None:
     renderer = gi.Renderer(runtime, CAMERA.size, FrameParams(bounces=0, shadow_size=32))
     with pytest.raises(ValueError, match="Renderer was prepared for"):
         renderer.params = FrameParams(bounces=0, shadow_size=64)

@@ -14,7 +14,7 @@ import ssgi_cl as gi
 from ssgi_cl.bench.cases.vpl_lobes import polished
 from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.frame.params import PRESETS, FrameParams, cell_size
+from ssgi_cl.frame.params import cell_size
 from ssgi_cl.rasterize.raster.rasterizer import Rasterizer
 from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.rasterize.scenes import make_scene
@@ -38,6 +38,10 @@ def test_a_closed_furnace_has_the_light_of_all_bounces(runtime: Runtime, albedo:
     # All surfaces emit L and reflect a share rho: everywhere L / (1 - rho).
     found = radiance(cube(albedo, 1.0), inside(80, 60), [], runtime, ao=False) * (1.0 - albedo)
     assert found.mean() == pytest.approx(1.0, abs=0.02)
+
+
+def test_cells_of_the_occupancy_grid() -> None:
+    assert cell_size(cube(0.5, 0.0)) == pytest.approx(2.0 / 122.0)
 
 
 def test_each_bounce_adds_its_share(runtime: Runtime) -> None:
@@ -133,31 +137,6 @@ def test_a_closed_room_that_absorbs_nothing_is_refused_or_cut_off(runtime: Runti
         radiance(cube(1.0, 1.0), inside(16, 12), [], runtime)
     found = radiance(cube(1.0, 1.0), inside(16, 12), [], runtime, bounces=3)
     assert found.mean() == pytest.approx(5.0, rel=0.05)
-
-
-@pytest.mark.parametrize(
-    ("given", "error", "message"),
-    [
-        ({"bounces": -1}, ValueError, r"bounces is -1: expected .* 0"),
-        ({"bounces": 1.5}, TypeError, r"bounces is 1\.5: expected an integer"),
-        ({"bounces": "some"}, ValueError, r"bounces is 'some': expected .*'all'"),
-        ({"preset": "best"}, ValueError, r"preset is 'best': expected .*'low'.*'ultra'"),
-        ({"bounces": 0, "preset": "low"}, ValueError, r"preset is 'low': expected None without bounces"),
-        ({"bounces": 2, "indirect": "vpl"}, ValueError, r"bounces is 2: expected None or 0 with indirect='vpl'"),
-    ],
-    ids=str,
-)
-def test_bad_arguments_are_refused(given: dict[str, Any], error: type[Exception], message: str) -> None:
-    with pytest.raises(error, match=message):
-        FrameParams(**given)
-
-
-def test_arguments_choose_the_whole_picture_or_a_technique() -> None:
-    assert FrameParams().whole == PRESETS["high"]()
-    for given in ({"bounces": 0}, {"indirect": "multires"}, {"indirect": False}):
-        assert FrameParams(**given).whole is None
-    assert FrameParams(bounces=1, preset="low").whole == PRESETS["low"](1)
-    assert cell_size(cube(0.5, 0.0)) == pytest.approx(2.0 / 122.0)
 
 
 def test_glossy_surfaces_mirror_what_paths_find(runtime: Runtime) -> None:

@@ -8,16 +8,14 @@ inputs.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
-from functools import partial
+from collections.abc import Iterable, Mapping, Sequence
 from time import perf_counter
 from typing import Any, NamedTuple
 
 from ssgi_cl.core import checks
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.timing import PassTime
-from ssgi_cl.frame.record import GraphRecord, StageRun, device_bytes, graph_record
+from ssgi_cl.frame.record import GraphRecord, StageRecord, device_bytes
 from ssgi_cl.frame.skips import same
 from ssgi_cl.frame.stage import Stage, Values
 
@@ -32,12 +30,23 @@ class GraphRun(NamedTuple):
     Attributes:
         values: all resources by name; None, or no entry, where there is nothing.
         passes: of the frame, in order.
-        record: returns what became of each stage and resource. It holds no device memory.
+        record: what became of each stage and resource. It holds no device memory.
     """
 
     values: Values
     passes: tuple[PassTime, ...]
-    record: Callable[[], GraphRecord]
+    record: GraphRecord
+
+
+class _Outcome(NamedTuple):
+    """Outcome of a stage: `StageRecord.state`, `.why` and `.host_ms`; `first` and `end` are the places of its passes,
+    skipped ones counted, in those of the frame."""
+
+    state: str
+    why: str = ""
+    first: int = 0
+    end: int = 0
+    host_ms: float = 0.0
 
 
 class Graph:
@@ -64,7 +73,6 @@ class Graph:
         self.keep = keep
         self.costs: dict[str, float] = {}
         self.device_bytes: dict[str, int] = {}
-        self._names = tuple(replace(stage, run=_nothing, condition=None) for stage in stages)
         self._writer = _writers_of(stages)
         self._inputs = {stage.name: tuple(dict.fromkeys(self._inputs_of(stage))) for stage in stages}
         self._made: dict[str, tuple[tuple[object, ...], tuple[Any, ...]]] = {}
@@ -88,7 +96,7 @@ class Graph:
         given = {name: value for name, value in given.items() if value is not None}
         outputs = frozenset(outputs)
         left_out = self._left_out(given, outputs, {**given, "outputs": outputs})
-        log: dict[str, StageRun] = {}
+        log: dict[str, _Outcome] = {}
         with self.runtime.frame(self.costs):
             values = self._run(given, outputs, left_out, log)
             passes = tuple(self.runtime.times())
@@ -102,29 +110,34 @@ class Graph:
         """Return the record of a run in which no stage is idle and nothing is reused."""
         outputs = frozenset(outputs)
         left_out = self._left_out(given, outputs, None)
-        runs = {stage.name: StageRun(*left_out.get(stage.name, ("planned", ""))) for stage in self.stages}
-        return self._record(given, outputs, runs)()
+        runs = {stage.name: _Outcome(*left_out.get(stage.name, ("planned", ""))) for stage in self.stages}
+        return self._record(given, outputs, runs)
 
     def _record(
         self,
         given: Iterable[str],
         outputs: frozenset[str],
-        runs: Mapping[str, StageRun],
+        log: Mapping[str, _Outcome],
         passes: tuple[PassTime, ...] = (),
         also: Iterable[str] = (),
-    ) -> Callable[[], GraphRecord]:
-        return partial(
-            graph_record,
-            self.runtime,
-            self._names,
-            runs,
-            passes,
-            dict(self.costs),
-            dict(self.device_bytes),
+    ) -> GraphRecord:
+        stages = []
+        for stage in self.stages:
+            state, why, first, end, host_ms = log[stage.name]
+            ran, skips = (tuple(p for p in passes[first:end] if bool(p.skipped) == left) for left in (False, True))
+            latest = self.costs.get(stage.name)
+            names = stage.reads, stage.hints, stage.writes
+            stages.append(StageRecord(stage.name, state, why, host_ms, latest, *names, ran, skips))
+        memory = self.runtime.memory
+        return GraphRecord(
+            f"{self.runtime.info.label}, {self.runtime.variant}",
+            tuple(sorted(outputs)),
+            tuple(stages),
+            {"used": memory.used, "peak": memory.peak, "limit": memory.limit},
+            sizes=dict(self.device_bytes),
             given=frozenset(given),
-            outputs=outputs,
             held=outputs.union(also),
-            keep=self.keep,
+            kept=frozenset(name for s in self.stages if self.keep and not s.on_demand for name in s.writes),
         )
 
     def _left_out(
@@ -172,7 +185,7 @@ class Graph:
                 yield name
 
     def _run(
-        self, given: Values, outputs: frozenset[str], left_out: Mapping[str, tuple[str, str]], log: dict[str, StageRun]
+        self, given: Values, outputs: frozenset[str], left_out: Mapping[str, tuple[str, str]], log: dict[str, _Outcome]
     ) -> dict[str, Any]:
         """Run stages in their order; return all resources, and note in `log` what became of each."""
         values = dict(given)
@@ -188,14 +201,14 @@ class Graph:
                 log[stage.name] = self._not_run(stage, "unneeded", READERS_REUSED, READERS_REUSED)
         return values
 
-    def _not_run(self, stage: Stage, state: str, why: str, told: str) -> StageRun:
+    def _not_run(self, stage: Stage, state: str, why: str, told: str) -> _Outcome:
         """Return the entry of a stage that does not run; list it among the passes if `told` is a reason."""
         first = self.runtime.noted
         if told:
             self.runtime.skip(stage.name, told)
-        return StageRun(state, why, first, self.runtime.noted)
+        return _Outcome(state, why, first, self.runtime.noted)
 
-    def _bring(self, stage: Stage, values: dict[str, Any], log: dict[str, StageRun]) -> None:
+    def _bring(self, stage: Stage, values: dict[str, Any], log: dict[str, _Outcome]) -> None:
         """Make what a stage writes, or take what it made of the same inputs."""
         name, kept = stage.name, self.keep and not stage.on_demand
         inputs = tuple(self._input(each, values, log) for each in self._inputs[name] if kept)
@@ -215,13 +228,13 @@ class Graph:
         first, start = self.runtime.noted, perf_counter()
         with self.runtime.part(name):
             results = stage.results(values)
-        log[name] = StageRun("ran", "", first, self.runtime.noted, (perf_counter() - start) * 1e3)
+        log[name] = _Outcome("ran", "", first, self.runtime.noted, (perf_counter() - start) * 1e3)
         values.update(zip(stage.writes, results, strict=True))
         self.device_bytes.update(zip(stage.writes, map(device_bytes, results), strict=True))
         if kept:
             self._made[name] = inputs, results
 
-    def _input(self, name: str, values: Values, log: Mapping[str, StageRun]) -> object:
+    def _input(self, name: str, values: Values, log: Mapping[str, _Outcome]) -> object:
         """Return what tells whether a resource changed: a number itself, of a given resource its
         `key` if it has one, of one that a stage made how often it was made."""
         value, writer = values.get(name), self._writer.get(name)
@@ -230,10 +243,6 @@ class Graph:
         if writer is None or log[writer.name].state == "culled":
             return getattr(value, "key", value)
         return self._versions[writer.name]
-
-
-def _nothing(_: object) -> None:
-    """Stand for what runs a stage where its names alone are needed."""
 
 
 def _writers_of(stages: Sequence[Stage]) -> dict[str, Stage]:

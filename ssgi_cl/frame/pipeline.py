@@ -81,6 +81,7 @@ def ssdo_frame(build: Build) -> list[Stage]:
     """Return the passes of a frame that SSDO lights, ambient light included."""
     return [
         gbuffer(build),
+        *ambient_occlusion(build),
         shadow_maps(build),
         ssdo(build),
         combine(build, DIRECT, INDIRECT),

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from ssgi_cl.device.arrays import DeviceArray, Plane
-from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.timing import PassTime
 from ssgi_cl.frame.graph_dot import dot
 from ssgi_cl.frame.graph_mermaid import mermaid
-from ssgi_cl.frame.stage import Stage
 
 STATES = {
     "ran": "ran",
@@ -28,31 +26,16 @@ MOST_SHARE = 0.25
 """Share of a frame's device time above which drawings show a stage as a group of its kernels."""
 
 
-class StageRun(NamedTuple):
-    """Outcome of a stage.
-
-    Attributes:
-        state: out of `STATES`.
-        why: the reason, where it did not run.
-        first, end: its passes, skipped ones counted, as places in those of the frame.
-        host_ms: milliseconds that the host spent in it, reading back included.
-    """
-
-    state: str
-    why: str = ""
-    first: int = 0
-    end: int = 0
-    host_ms: float = 0.0
-
-
-@dataclass(frozen=True)
-class StageRecord:
+class StageRecord(NamedTuple):
     """A stage of a graph that was run.
 
     Attributes:
-        name, state, why, host_ms: see `StageRun`.
-        ms: milliseconds of its passes on the device.
-        latest_ms: the same of the latest frame in which it ran, None if it never did.
+        name: of the stage.
+        state: out of `STATES`.
+        why: the reason, where it did not run.
+        host_ms: milliseconds that the host spent in it, reading back included.
+        latest_ms: milliseconds of its passes on the device in the latest frame in which it ran,
+            None if it never did.
         reads, hints, writes: names of resources, see `Stage`.
         passes: that ran in it.
         skips: passes and parts that were left out in it, and why.
@@ -61,7 +44,6 @@ class StageRecord:
     name: str
     state: str
     why: str
-    ms: float
     host_ms: float
     latest_ms: float | None
     reads: tuple[str, ...]
@@ -69,6 +51,11 @@ class StageRecord:
     writes: tuple[str, ...]
     passes: tuple[PassTime, ...]
     skips: tuple[PassTime, ...]
+
+    @property
+    def ms(self) -> float:
+        """Milliseconds of its passes on the device."""
+        return sum(each.ms for each in self.passes)
 
     @property
     def live(self) -> bool:
@@ -90,8 +77,7 @@ class StageRecord:
         return "\n".join([self.name, duration(self.ms, total) if self.state == "ran" else self.state, *notes])
 
 
-@dataclass(frozen=True)
-class ResourceRecord:
+class ResourceRecord(NamedTuple):
     """A resource of a graph that was run.
 
     Attributes:
@@ -118,21 +104,52 @@ class ResourceRecord:
 
 @dataclass(frozen=True)
 class GraphRecord:
-    """A graph that was compiled and run.
+    """A graph that was run.
 
     Attributes:
         device: label of the device and kernel variant.
         outputs: resources asked for.
         stages: in the order in which they run, those that did not run among them.
-        resources: given ones first, then in the order in which they are written.
-        memory: bytes of the device: "used" now, at the "peak", and the "limit".
+        memory: bytes of the device after the run: "used", at the "peak", and the "limit".
+        sizes: bytes of device memory by resource, of those that a stage ever made.
+        given: resources that the caller gave.
+        held: resources that the caller reads after the last stage.
+        kept: resources that are kept for the next frame.
     """
 
     device: str
     outputs: tuple[str, ...]
     stages: tuple[StageRecord, ...]
-    resources: tuple[ResourceRecord, ...]
-    memory: dict[str, int]
+    memory: Mapping[str, int]
+    sizes: Mapping[str, int]
+    given: frozenset[str]
+    held: frozenset[str]
+    kept: frozenset[str]
+
+    @property
+    def resources(self) -> tuple[ResourceRecord, ...]:
+        """Given resources first, then the others in the order in which they are written."""
+        writers = {name: each for each in self.stages for name in each.writes if name not in self.given}
+        read = (name for each in self.stages for name in each.reads if name in self.given)
+        found = []
+        for name in dict.fromkeys((*read, *writers)):
+            writer = writers.get(name)
+            there = writer is None or writer.live
+            users = [each for each in self.stages if there and each.live]
+            touching = [each.name for each in users if name in (*each.reads, *each.hints, *each.writes)]
+            found.append(
+                ResourceRecord(
+                    name,
+                    device_bytes=self.sizes.get(name) if writer is not None and touching else None,
+                    given=writer is None,
+                    output=name in self.held,
+                    kept=writer is not None and name in self.kept,
+                    writer=None if writer is None else writer.name,
+                    first=touching[0] if touching else None,
+                    last=touching[-1] if touching else None,
+                )
+            )
+        return tuple(found)
 
     @property
     def ms(self) -> float:
@@ -158,11 +175,13 @@ class GraphRecord:
         """
         stages = []
         for stage in self.stages:
-            entry = {**asdict(stage), "ms": round(stage.ms, 4), "host_ms": round(stage.host_ms, 4)}
+            entry = {**stage._asdict(), "ms": round(stage.ms, 4), "host_ms": round(stage.host_ms, 4)}
             entry["passes"] = [{"name": p.name, "ms": round(p.ms, 4)} for p in stage.passes]
             entry["skips"] = [{"name": p.name, "why": p.skipped, "saved_ms": round(p.saved, 4)} for p in stage.skips]
             stages.append(entry)
-        return json.dumps({**asdict(self), "stages": stages}, indent=1)
+        resources = [each._asdict() for each in self.resources]
+        whole = {"device": self.device, "outputs": self.outputs, "memory": self.memory}
+        return json.dumps({**whole, "stages": stages, "resources": resources}, indent=1)
 
     def to_dot(self) -> str:
         """Return the graph in the language of Graphviz, see `dot`."""
@@ -171,84 +190,6 @@ class GraphRecord:
     def to_mermaid(self) -> str:
         """Return the graph in the language of Mermaid, see `mermaid`."""
         return mermaid(self)
-
-
-def graph_record(
-    runtime: Runtime,
-    stages: Sequence[Stage],
-    runs: Mapping[str, StageRun],
-    passes: Sequence[PassTime],
-    costs: Mapping[str, float],
-    sizes: Mapping[str, int],
-    *,
-    given: frozenset[str],
-    outputs: frozenset[str],
-    held: frozenset[str],
-    keep: bool,
-) -> GraphRecord:
-    """Return the record of a run; its memory is that of now.
-
-    Args:
-        runtime: the device.
-        stages: in their order; only their names and those of their resources are read.
-        runs: what became of each stage, by name.
-        passes: of the frame, in order.
-        costs: ms of the latest run, by name of stage.
-        sizes: bytes of device memory of each resource, by name.
-        given: resources that the caller gave.
-        outputs: resources asked for.
-        held: resources that the caller reads after the run, `outputs` among them.
-        keep: whether results are kept for the next frame.
-    """
-    records = []
-    for stage in stages:
-        run = runs[stage.name]
-        own = passes[run.first : run.end]
-        ran = tuple(p for p in own if not p.skipped)
-        records.append(
-            StageRecord(
-                stage.name,
-                run.state,
-                run.why,
-                sum(p.ms for p in ran),
-                run.host_ms,
-                costs.get(stage.name),
-                stage.reads,
-                stage.hints,
-                stage.writes,
-                ran,
-                tuple(p for p in own if p.skipped),
-            )
-        )
-    kept = {name for stage in stages if keep and not stage.on_demand for name in stage.writes}
-    writers = {name: each for each in records for name in each.writes if name not in given}
-    read = (name for each in records for name in each.reads if name in given)
-    resources = []
-    for name in dict.fromkeys((*read, *writers)):
-        writer = writers.get(name)
-        touching = [each.name for each in records if each.live and name in (*each.reads, *each.hints, *each.writes)]
-        if writer is not None and not writer.live:
-            touching = []
-        resources.append(
-            ResourceRecord(
-                name,
-                sizes.get(name) if writer is not None and touching else None,
-                writer is None,
-                name in held,
-                writer is not None and name in kept,
-                None if writer is None else writer.name,
-                touching[0] if touching else None,
-                touching[-1] if touching else None,
-            )
-        )
-    memory, info = runtime.memory, runtime.info
-    return GraphRecord(
-        f"{info.label}, {runtime.variant}",
-        tuple(sorted(outputs)),
-        tuple(records),
-        tuple(resources),
-        {"used": memory.used, "peak": memory.peak, "limit": memory.limit},
-    )
 
 
 def duration(ms: float, total: float) -> str:

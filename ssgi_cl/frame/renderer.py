@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from time import perf_counter
 from typing import Any
@@ -70,7 +70,7 @@ class Renderer:
         build = Build(runtime, size, params)
         self._target = build.rasterizer.target
         self._graph = Graph(runtime, PIPELINES[params.kind](build), keep="unchanged" in params.skips)
-        self._record: Callable[[], GraphRecord] | None = None
+        self._record: GraphRecord | None = None
 
     @property
     def params(self) -> FrameParams:
@@ -96,7 +96,7 @@ class Renderer:
     def graph(self) -> GraphRecord:
         """Return the frame graph: that of the latest frame, or what a first one would run."""
         if self._record is not None:
-            return self._record()
+            return self._record
         given = of.SCENE, of.CASTING, of.CAMERA, of.LIGHTS, of.SKY, of.MULTI_BOUNCE, of.AO_PARAMS, of.INDIRECT_PARAMS
         return self._graph.planned(given, self._wanted(PICTURE))
 
@@ -162,5 +162,5 @@ class Renderer:
                 passes=run.passes,
                 wall_ms=(perf_counter() - start) * 1e3,
                 _radiance=made[of.PIXELS] if "radiance" in names else None,
-                _record=run.record,
+                graph=run.record,
             )

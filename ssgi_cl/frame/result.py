@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +26,7 @@ class Frame:
         exposure: the factor before the tone curve; 1 if neither it nor light was asked for.
         passes: name and milliseconds of every pass, or why it was skipped.
         wall_ms: milliseconds from the call to the finished arrays.
+        graph: the frame graph as it was run: what became of each stage, its time, and resources.
     """
 
     ao: NDArray[np.float32] | None
@@ -36,14 +36,9 @@ class Frame:
     exposure: float
     passes: tuple[PassTime, ...]
     wall_ms: float
+    graph: GraphRecord
     _image: NDArray[np.uint8] | None
     _radiance: NDArray[np.float32] | None
-    _record: Callable[[], GraphRecord]
-
-    @property
-    def graph(self) -> GraphRecord:
-        """The frame graph as it was run: what became of each stage, its time, and resources."""
-        return self._record()
 
     @property
     def image(self) -> NDArray[np.uint8]:

@@ -59,7 +59,7 @@ def test_a_new_pass_is_one_record_and_one_line_of_the_list(runtime: Runtime) -> 
     }
     run = Graph(runtime, passes).run(given, ["indirect only"])
     np.testing.assert_array_equal(run.values["indirect only"], frame.indirect / np.pi)
-    states = {each.name: each.state for each in run.record().stages}
+    states = {each.name: each.state for each in run.record.stages}
     assert states["gtao"] == states["combine"] == states["picture"] == "culled"
 
 

@@ -13,8 +13,11 @@ from ssgi_cl.techniques.catalogue import TECHNIQUES
 
 
 def ambient_occlusion(build: Build) -> list[Stage]:
-    """Return the pass, or none where the frame has no ambient occlusion."""
+    """Return the pass, or none where the frame has no ambient occlusion. With SSDO it is idle, and says why."""
     params = build.techniques[0]
+    if build.ssdo is not None:
+        reason = "ssdo hides ambient light by itself"
+        return [Stage(name="ambient occlusion", writes=(AO,), run=lambda r: None, condition=lambda facts: reason)]
     if params is None:
         return []
     name = build.params.ao_name or ""

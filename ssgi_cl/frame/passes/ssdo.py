@@ -16,7 +16,6 @@ def ssdo(build: Build) -> Stage:
     views = AuxiliaryViews(build.runtime, count) if count else None
 
     def run(r: Declared) -> tuple[Plane | None, Plane | None]:
-        build.runtime.skip("ambient occlusion", "ssdo hides ambient light by itself")
         technique.params = r[of.INDIRECT_PARAMS]
         seen, lights = r[of.GBUFFER], r[of.LIGHTS]
         extra = views.drawn(r[of.CASTING], r[of.CAMERA], seen, lights) if views is not None else ()
@@ -26,6 +25,7 @@ def ssdo(build: Build) -> Stage:
     return Stage(
         name="ssdo",
         reads=(of.GBUFFER, of.CASTING, of.CAMERA, of.LIGHTS, of.SHADOWS, of.INDIRECT_PARAMS),
+        hints=(of.AO,),
         writes=(of.DIRECT, of.INDIRECT),
         run=run,
     )

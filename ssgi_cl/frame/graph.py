@@ -151,7 +151,7 @@ class Graph:
         for name in outputs - given:
             checks.choice("an output", name, tuple(self._writer))
         found: dict[str, tuple[str, str]] = {}
-        asked, needed = set(outputs), set(outputs)  # by stages that are not culled; that are not idle either
+        asked, needed = set(outputs), set(outputs)  # by stages that are not culled; by those not idle either
         for stage in reversed(self.stages):
             if given.issuperset(stage.writes):
                 found[stage.name] = "culled", f"the caller gives {', '.join(stage.writes)}"

@@ -114,15 +114,15 @@ class FrameParams(Params):
     """
 
     bounces: int | str | None = param(None, "reflections: 0 or more, or 'all'; None: 'all' without `indirect`, else 0")
-    preset: str | WholeFrameParams | None = param(None, "how exactly all bounces are computed; None: 'high'")  # noqa: RUF009
-    ao: bool | str | OcclusionParams = param(True, "what dims ambient light; True: 'gtao'")  # noqa: RUF009
+    preset: str | WholeFrameParams | None = param(None, "accuracy of the whole picture; None: 'high'")  # noqa: RUF009
+    ao: bool | str | OcclusionParams = param(True, "technique of ambient occlusion; True: 'gtao'")  # noqa: RUF009
     ao_radius: float | None = param(
         None, "of ambient occlusion and of 'ssdo'; None: chosen from the view", unit="scene units"
     )
     ao_samples: int | None = param(None, "points per pixel of 'ssao'")
     multi_bounce: bool = param(False, "whether ambient occlusion counts light that surfaces reflect")
     indirect: bool | str | Params | None = param(None, "one bounce of light in place of all; True: 'multires'")  # noqa: RUF009
-    method: str | None = param(None, "how `indirect` is computed; None: its default")
+    method: str | None = param(None, "method of `indirect`; None: its default")
     vpls: int = param(1024, "virtual point lights of 'multires' and 'vpl'", low=1, high=1 << 24)
     glossy_vpls: int = param(0, "more lights of 'vpl', for what glossy surfaces mirror", low=0, high=1 << 24)
     indirect_ao: bool = param(False, "whether ambient occlusion dims reflected light too")
@@ -134,7 +134,7 @@ class FrameParams(Params):
         high=1.0,
         unit="share of the image's size",
     )
-    auxiliary_cameras: int = param(0, "that show 'ssdo' what the camera misses", low=0, high=64)
+    auxiliary_cameras: int = param(0, "of 'ssdo', for surfaces that the camera misses", low=0, high=64)
     shadow_size: int = param(1024, "along the side of each shadow map", low=16, high=8192, unit="texels")
     rsm_size: int = param(
         512, "along a side that reflected light is chosen from, at most", low=16, high=8192, unit="texels"
@@ -143,7 +143,7 @@ class FrameParams(Params):
     curve: str = param("filmic", "of tones", choices=tuple(CURVES))
     gbuffer: bool = param(False, "whether the frame holds the G-buffer too")
     outputs: Iterable[str] | None = param(None, "names of what the frame is to hold; None: the picture")
-    skips: frozenset[str] = param(True, "names of what may be left out; True: all, False: none")
+    skips: frozenset[str] = param(True, "names of work that may be left out; True: all, False: none")
 
     def __post_init__(self) -> None:
         super().__post_init__()

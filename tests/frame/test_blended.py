@@ -88,10 +88,7 @@ def over(seen: NDArray[np.float64], material: Material) -> NDArray[np.float64]:
 
 
 def radiance(runtime: Runtime, scene: Scene, camera: gi.Camera, lights: Any = (), **given: Any) -> NDArray[np.float32]:
-    found: NDArray[np.float32] = gi.render(
-        scene, camera, lights, runtime=runtime, outputs=["radiance"], **given
-    ).radiance
-    return found
+    return gi.render(scene, camera, lights, runtime=runtime, outputs=["radiance"], **given).radiance
 
 
 @pytest.mark.parametrize("mode", MODES)

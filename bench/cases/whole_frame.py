@@ -47,13 +47,9 @@ class Frame(Own):
         scene = view.scene
 
         def forget() -> None:
-            # Another scene as far as what is kept goes; and all prepared buffers are let go.
             nonlocal scene
-            scene = replace(view.scene)
-            memory, keep = runtime.memory, runtime.memory.keep
-            memory.keep = 0
-            runtime.prepared(object(), object)
-            memory.keep = keep
+            scene = replace(view.scene)  # results that a scene keeps itself belong to the former one
+            runtime.forget()
 
         def frame(camera: Camera) -> NDArray[np.float32]:
             return render(

@@ -42,7 +42,8 @@ _NOT_SHARED = ("output", "views", "explain", "as_json", "scene")
 def graph_command(scene: str, output: Path, outputs: str | None, again: bool, **options: Any) -> None:
     """Render a frame of SCENE as `ssgi render` does, and draw its frame graph: the stages with
     their times, the device memory of each resource and the stages between which it is needed, and
-    what was culled, skipped or reused and why.
+    what was culled, skipped or reused and why. A stage that takes more than 25 % of the frame is a
+    group of its kernels.
 
     Times are milliseconds on the device, beside those that the host spent in the stage. The JSON
     has the keys device, outputs, memory (bytes: used, peak, limit), stages and resources. A stage

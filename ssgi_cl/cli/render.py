@@ -103,7 +103,7 @@ _OUTDOORS = (DirectionalLight, Environment)
 @click.option("--ao-samples", type=int, help="Points per pixel of --ao ssao; 16 by default.")
 @click.option(
     "--indirect",
-    type=click.Choice(BOUNCES),
+    type=click.Choice(tuple(BOUNCES)),
     help="In place of all bounces the light "
     "that surfaces reflect once: of punctual lights, by virtual point lights "
     "(multires, the fastest, and vpl, which all triangles block) or gathered, or of all "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import threading
 from collections.abc import Callable, Mapping, Sequence
@@ -269,6 +270,12 @@ class Runtime:
                 says how much it needs.
         """
         return self._prepared.get(key, make, of)
+
+    def forget(self) -> None:
+        """Let go of all that calls keep for later ones, see `prepared`; compiled programs stay."""
+        with self.lock:
+            self._prepared.clear()
+            gc.collect()  # parts of results may refer to each other
 
     # ---- programs
 

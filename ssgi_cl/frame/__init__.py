@@ -1,1 +1,1 @@
-"""A whole frame: which passes it needs, their order, what is skipped, the renderer."""
+"""Whole frames: parameters, pipelines of passes, the frame graph that runs them, renderer and result."""

@@ -1,4 +1,4 @@
-"""What extra cameras see of a scene, drawn one after the other."""
+"""Views of auxiliary cameras: where they stand, and their G-buffers one after the other."""
 
 from __future__ import annotations
 
@@ -18,26 +18,23 @@ from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.techniques.ssdo.ssdo_views import auxiliary_cameras
 
 SIZE = 0.5
-"""Rows and columns of each camera, in parts of the first one's, by default."""
-AT_LAMPS = 0.5
-"""Share of the cameras, at most, that stand at lights."""
-
-AtLight = SpotLight | DirectionalLight
-"""A light that one camera sees all of."""
+"""Default rows and columns of each camera, as a share of the main one's."""
+AT_LIGHTS = 0.5
+"""Most cameras that stand at lights, as a share of all."""
 
 
 class AuxiliaryViews:
-    """Places cameras and draws what they see.
+    """Auxiliary cameras of a frame, and their G-buffers.
 
     Up to half of them stand at spot and directional lights, in their order: such a camera sees
-    every surface that the light shines on, and so all that sends its light on. The others stand
-    where `auxiliary_cameras` says; point lights would need six each, and what those see of next
-    rooms leaks through walls that no camera sees.
+    every surface that the light reaches, and so all that reflects it. The others stand where
+    `auxiliary_cameras` says. Point lights have none: each would need six, and light of
+    neighbouring rooms would leak through walls that no camera sees.
 
     Args:
         runtime: the device.
         count: of cameras.
-        size: of each, in parts of the first one's; > 0, at most 1.
+        size: of each, as a share of the main one's, in (0, 1].
     """
 
     def __init__(self, runtime: Runtime, count: int, size: float = SIZE) -> None:
@@ -51,19 +48,19 @@ class AuxiliaryViews:
     def drawn(
         self, scene: Scene, camera: Camera, seen: DeviceGBuffer, lights: Sequence[Light] = ()
     ) -> Iterator[DeviceGBuffer]:
-        """Queue the passes of each camera in turn and give its G-buffer.
+        """Queue the passes of each camera in turn and yield its G-buffer.
 
-        Those of one size are drawn into the same memory: use one before asking for the next. A
-        camera that sees nothing gives none.
-        Cameras stay where they are as long as scene, camera and lights are the same.
+        G-buffers of one size share their memory: use one before asking for the next. A camera that
+        sees nothing yields none. Cameras stay as long as scene, camera and lights are the same.
         """
-        punctual_lights: tuple[AtLight, ...] = tuple(
-            light for light in lights if isinstance(light, (SpotLight, DirectionalLight))
-        )[: int(AT_LAMPS * self.count)]
-        made_of = scene.key, camera, punctual_lights
+        alone = [light for light in lights if isinstance(light, (SpotLight, DirectionalLight))]
+        made_of = scene.key, camera, tuple(alone[: int(AT_LIGHTS * self.count)])
         if not same(self._made_of, made_of):
             self._made_of = None
-            self._cameras = self._places(scene, camera, seen, punctual_lights)
+            side = max(1, round(self.size * math.sqrt(camera.height * camera.width)))
+            at_lights = [each for light in made_of[2] for each in light_cameras(light, scene.bounds, side)]
+            more = auxiliary_cameras(camera, seen, self.count - len(at_lights), size=self.size)
+            self._cameras = at_lights + more
             self._made_of = made_of
         for extra in self._cameras:
             if extra.size not in self._rasterizers:
@@ -78,11 +75,3 @@ class AuxiliaryViews:
             target.derive()
             target.release_world()
             yield target
-
-    def _places(
-        self, scene: Scene, camera: Camera, seen: DeviceGBuffer, punctual_lights: Sequence[AtLight]
-    ) -> list[Camera]:
-        side = max(1, round(self.size * math.sqrt(camera.height * camera.width)))
-        at_lights = [each for light in punctual_lights for each in light_cameras(light, scene.bounds, side)]
-        more = self.count - len(at_lights)
-        return at_lights + auxiliary_cameras(camera, seen, more, size=self.size)

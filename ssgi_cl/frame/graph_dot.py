@@ -1,4 +1,4 @@
-"""A frame graph in the language of Graphviz."""
+"""Frame graph in the language of Graphviz."""
 
 from __future__ import annotations
 
@@ -7,36 +7,30 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from ssgi_cl.frame.record import GraphRecord
 
-_STYLES = {
-    "ran": "filled",
-    "reused": "filled",
-    "planned": "filled",
-    "idle": "dashed",
-    "unneeded": "dashed",
-    "culled": "dotted",
-}
+_STYLES = {"idle": "dashed", "unneeded": "dashed", "culled": "dotted"}
 
 
 def dot(record: GraphRecord) -> str:
-    """Return the graph: stages are boxes, resources ellipses, hints dashed lines."""
-    lines = ["digraph frame {", '  node [fontname="sans-serif", fontsize=10, fillcolor="#e8f0fb"];']
-    for stage in record.stages:
-        text = f"{stage.ms:.2f} ms" if stage.state == "ran" else stage.state
-        why = f"\n{stage.why}" if stage.why else ""
-        skips = "".join(f"\n{skip.name}: {skip.skipped}" for skip in stage.skips)
-        label = f"{stage.name}\n{text}{why}{'' if stage.why else skips}"
-        lines.append(
-            f"  {_quoted('stage ' + stage.name)} [shape=box, style={_STYLES[stage.state]}, label={_quoted(label)}];"
-        )
+    """Return the graph: stages are boxes, or groups of kernels where they take much time; resources are ellipses, hints
+    dashed lines."""
+    lines = ["digraph frame {", "  compound=true;", '  node [fontname="sans-serif", fontsize=10, fillcolor="#e8f0fb"];']
+    for number, stage in enumerate(record.stages):
+        style = f"shape=box, style={_STYLES.get(stage.state, 'filled')}"
+        boxes = [f"s{number}_{part} [{style}, label={_quoted(text)}];" for part, text in enumerate(record.boxes(stage))]
+        group = len(boxes) > 1
+        if group:
+            lines.append(f"  subgraph cluster_{number} {{ label={_quoted(stage.text(record.ms))};")
+        lines += [f"  {box}" for box in boxes]
+        if group:
+            lines.append("  }")
+        tail, head = (f" [{end}=cluster_{number}]" if group else "" for end in ("ltail", "lhead"))
+        lines += [f"  {_quoted(name)} -> s{number}_0{head};" for name in stage.reads]
+        lines += [f"  {_quoted(name)} -> s{number}_0{head} [style=dashed];" for name in stage.hints]
+        lines += [f"  s{number}_0 -> {_quoted(name)}{tail};" for name in stage.writes]
     for each in record.resources:
         size = f"\n{mebibytes(each.device_bytes)}" if each.device_bytes else ""
         output = ", peripheries=2" if each.output else ""
         lines.append(f"  {_quoted(each.name)} [shape=ellipse{output}, label={_quoted(each.name + size)}];")
-    for stage in record.stages:
-        node = _quoted("stage " + stage.name)
-        lines += [f"  {_quoted(name)} -> {node};" for name in stage.reads]
-        lines += [f"  {_quoted(name)} -> {node} [style=dashed];" for name in stage.hints]
-        lines += [f"  {node} -> {_quoted(name)};" for name in stage.writes]
     return "\n".join([*lines, "}"]) + "\n"
 
 

@@ -1,4 +1,4 @@
-"""A frame graph in the language of Mermaid, which pages of Markdown draw."""
+"""Frame graph in the language of Mermaid, which pages of Markdown draw."""
 
 from __future__ import annotations
 
@@ -13,18 +13,22 @@ _ENTITIES = str.maketrans({"#": "#35;", '"': "#quot;", "<": "#lt;", ">": "#gt;",
 
 
 def mermaid(record: GraphRecord) -> str:
-    """Return the graph: stages are boxes, resources rounded, hints dotted, what did not run dashed."""
+    """Return the graph: stages are boxes, or groups of kernels where they take much time; resources are rounded, hints
+    dotted, what did not run dashed."""
     lines = ["flowchart TD", "  classDef still stroke-dasharray: 4 3"]
     for number, stage in enumerate(record.stages):
-        ran = stage.state == "ran"
-        texts = [stage.name, f"{stage.ms:.2f} ms" if ran else stage.state]
-        texts += [stage.why] if stage.why else [f"{skip.name}: {skip.skipped}" for skip in stage.skips]
         still = ":::still" if stage.state in ("idle", "unneeded", "culled") else ""
-        lines.append(f"  s{number}[{_quoted(*texts)}]{still}")
+        boxes = record.boxes(stage)
+        if len(boxes) == 1:
+            lines.append(f"  s{number}[{_quoted(boxes[0])}]{still}")
+        else:
+            lines.append(f"  subgraph s{number}[{_quoted(stage.text(record.ms))}]")
+            lines += [f"  s{number}_{part}[{_quoted(text)}]" for part, text in enumerate(boxes)]
+            lines.append("  end")
     names = {each.name: f"r{number}" for number, each in enumerate(record.resources)}
     for each in record.resources:
-        size = [mebibytes(each.device_bytes)] if each.device_bytes else []
-        lines.append(f"  {names[each.name]}([{_quoted(each.name, *size)}])")
+        size = f"\n{mebibytes(each.device_bytes)}" if each.device_bytes else ""
+        lines.append(f"  {names[each.name]}([{_quoted(each.name + size)}])")
     for number, stage in enumerate(record.stages):
         lines += [f"  {names[name]} --> s{number}" for name in stage.reads]
         lines += [f"  {names[name]} -.-> s{number}" for name in stage.hints]
@@ -32,6 +36,5 @@ def mermaid(record: GraphRecord) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _quoted(*texts: str) -> str:
-    joined = "\n".join(texts)
-    return f'"{joined.translate(_ENTITIES)}"'
+def _quoted(text: str) -> str:
+    return f'"{text.translate(_ENTITIES)}"'

@@ -5,52 +5,68 @@ from __future__ import annotations
 import math
 from collections.abc import Hashable, Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from ssgi_cl.core import checks
-from ssgi_cl.core.params import Params, param
+from ssgi_cl.core.params import Params, param, parameter_fields
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.constants import OCCUPANCY_MARGIN
-from ssgi_cl.frame.skips import Needs, chosen_skips
+from ssgi_cl.frame.skips import chosen_outputs, chosen_skips
 from ssgi_cl.techniques.ao.occlusion import OcclusionParams
-from ssgi_cl.techniques.catalogue import TECHNIQUES
+from ssgi_cl.techniques.catalogue import CATALOGUE, TECHNIQUES
 from ssgi_cl.techniques.filters.tonemap import CURVES
-from ssgi_cl.techniques.multires import multires_splat
-from ssgi_cl.techniques.multires.multires_published import MultiresPublishedParams
 from ssgi_cl.techniques.multires.multires_splat import MultiresSplatParams
 from ssgi_cl.techniques.occupancy.occupancy_grid import MOST_CELLS
-from ssgi_cl.techniques.rsm import rsm_gather
 from ssgi_cl.techniques.rsm.rsm_gather import RsmGatherParams
-from ssgi_cl.techniques.rsm.rsm_published import RsmPublishedParams
 from ssgi_cl.techniques.ssdo.ssdo_params import SsdoParams
+from ssgi_cl.techniques.technique import Technique
 from ssgi_cl.techniques.vpl.vpl_splat import VplSplatParams
 
 AO_DEFAULT = "gtao"
-BOUNCES = ("multires", "vpl", "gather", "ssdo")
-"""The first is the default of one bounce."""
 MOST_BOUNCES = 1000
 MOST_LAYERS = 16
 DEFAULT_PRESET = "high"
 
 CONTACT = 2.0
-"""Cells of the occupancy grid within which visibility rays miss what blocks them: ambient occlusion
-of that radius stands in for them, of the sky's light, and in gaps of the bounces too."""
+"""Radius of ambient occlusion in the whole picture, cells of the occupancy grid: visibility rays miss blockers within
+it, so that ambient occlusion stands in for them."""
 
-OneBounceParams = MultiresSplatParams | MultiresPublishedParams | VplSplatParams | RsmGatherParams | RsmPublishedParams
-BounceParams = OneBounceParams | SsdoParams
+BOUNCES: dict[str, Technique] = {
+    "multires": CATALOGUE["multires_splat"],
+    "vpl": CATALOGUE["vpl_splat"],
+    "gather": CATALOGUE["rsm_gather"],
+    "ssdo": CATALOGUE["ssdo"],
+}
+"""Techniques of one bounce by their name in `FrameParams.indirect`; the first is the default."""
+
+BOUNCE_SETTINGS: dict[type[Params], dict[str, Any]] = {
+    # Lights share shadow rays, which an error of .01 would not show.
+    MultiresSplatParams: {"visibility": True, "grid": MOST_CELLS, "interpolation_error": 0.05, "light_error": 0.05},
+    VplSplatParams: {"cutoff": 0.0, "interleave": True, "visibility": True, "grid": MOST_CELLS},
+    RsmGatherParams: {"resolution": "adaptive"},
+    SsdoParams: {"resolution": "half", "emission": False},
+}
+"""Settings of techniques of one bounce in frames, where they differ from the defaults of the technique."""
+
+
+def _checked_bounces(bounces: object, low: int) -> int | str:
+    if isinstance(bounces, str):
+        return checks.choice("bounces", bounces, ("all",))
+    return checks.integer("bounces", bounces, low=low, high=MOST_BOUNCES, unit="reflections")
 
 
 @dataclass(frozen=True, kw_only=True)
 class WholeFrameParams(Params):
-    """How exactly all light is computed; `low`, `medium`, `high` and `ultra` are presets."""
+    """Accuracy of the whole picture; `low`, `medium`, `high` and `ultra` are presets."""
 
     bounces: int | str = param("all", "reflections on the way from a light to a pixel: 1 or more, or 'all'")
     vpls: int = param(4096, "virtual point lights for the first bounce of punctual lights", low=16, high=1 << 16)
-    surfels: int = param(2048, "pieces of surfaces that carry all other light", low=16, high=1 << 14)
-    directions: int = param(128, "that stand for environments", low=16, high=4096)
+    surfels: int = param(2048, "surface elements that carry all other light", low=16, high=1 << 14)
+    directions: int = param(128, "sampled directions of environments", low=16, high=4096)
     map_size: int = param(128, "along the side of the depth map of each direction", low=16, high=1024, unit="texels")
     error: float = param(
         0.15,
@@ -62,8 +78,7 @@ class WholeFrameParams(Params):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.bounces != "all":
-            checks.integer("bounces", self.bounces, low=1, high=MOST_BOUNCES, unit="reflections")
+        _checked_bounces(self.bounces, 1)
 
     @classmethod
     def low(cls, bounces: int | str = "all") -> WholeFrameParams:
@@ -87,7 +102,7 @@ class WholeFrameParams(Params):
 
 
 PRESETS = {name: getattr(WholeFrameParams, name) for name in ("low", "medium", "high", "ultra")}
-"""By name, from the fastest to the most exact -> what returns it."""
+"""Constructor of each preset by name, from the fastest to the most exact."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,15 +114,15 @@ class FrameParams(Params):
     """
 
     bounces: int | str | None = param(None, "reflections: 0 or more, or 'all'; None: 'all' without `indirect`, else 0")
-    preset: str | WholeFrameParams | None = param(None, "how exactly all bounces are computed; None: 'high'")  # noqa: RUF009
-    ao: bool | str | OcclusionParams = param(True, "what dims ambient light; True: 'gtao'")  # noqa: RUF009
+    preset: str | WholeFrameParams | None = param(None, "accuracy of the whole picture; None: 'high'")  # noqa: RUF009
+    ao: bool | str | OcclusionParams = param(True, "technique of ambient occlusion; True: 'gtao'")  # noqa: RUF009
     ao_radius: float | None = param(
         None, "of ambient occlusion and of 'ssdo'; None: chosen from the view", unit="scene units"
     )
     ao_samples: int | None = param(None, "points per pixel of 'ssao'")
     multi_bounce: bool = param(False, "whether ambient occlusion counts light that surfaces reflect")
-    indirect: bool | str | BounceParams | None = param(None, "one bounce of light in place of all; True: 'multires'")  # noqa: RUF009
-    method: str | None = param(None, "how `indirect` is computed; None: its default")
+    indirect: bool | str | Params | None = param(None, "one bounce of light in place of all; True: 'multires'")  # noqa: RUF009
+    method: str | None = param(None, "method of `indirect`; None: its default")
     vpls: int = param(1024, "virtual point lights of 'multires' and 'vpl'", low=1, high=1 << 24)
     glossy_vpls: int = param(0, "more lights of 'vpl', for what glossy surfaces mirror", low=0, high=1 << 24)
     indirect_ao: bool = param(False, "whether ambient occlusion dims reflected light too")
@@ -115,7 +130,7 @@ class FrameParams(Params):
     overscan: float = param(
         0.0, "margin of the G-buffer on every side", low=0.0, high=1.0, unit="share of the image's size"
     )
-    auxiliary_cameras: int = param(0, "that show 'ssdo' what the camera misses", low=0, high=64)
+    auxiliary_cameras: int = param(0, "of 'ssdo', for surfaces that the camera misses", low=0, high=64)
     shadow_size: int = param(1024, "along the side of each shadow map", low=16, high=8192, unit="texels")
     rsm_size: int = param(
         512, "along a side that reflected light is chosen from, at most", low=16, high=8192, unit="texels"
@@ -123,15 +138,15 @@ class FrameParams(Params):
     exposure: float | None = param(None, "factor before the tone curve; None: automatic")
     curve: str = param("filmic", "of tones", choices=tuple(CURVES))
     gbuffer: bool = param(False, "whether the frame holds the G-buffer too")
-    outputs: Iterable[str] | None = param(None, "what the frame is to hold; None: the picture")
-    skips: frozenset[str] = param(True, "what may be left out; True: all")
+    outputs: Iterable[str] | None = param(None, "names of what the frame is to hold; None: the picture")
+    skips: frozenset[str] = param(True, "names of work that may be left out; True: all, False: none")
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.outputs is not None and not isinstance(self.outputs, str):  # which is refused below
-            self._set("outputs", tuple(self.outputs))
+        if self.bounces is not None:
+            self._set("bounces", _checked_bounces(self.bounces, 0))
+        self._set("outputs", chosen_outputs(self.outputs))
         self._set("skips", chosen_skips(self.skips))
-        Needs.of(self.outputs, self.skips)
         if self.exposure is not None:
             self._set("exposure", checks.number("exposure", self.exposure, low=0.0, above=True))
         self._check_light()
@@ -141,8 +156,12 @@ class FrameParams(Params):
 
     def _check_light(self) -> None:
         """Raise unless the parameters of light go together."""
-        whole, dims, name = self.whole(), self.ao_name, self.bounce_name
-        bounce_method(name, self.method)
+        whole, dims, name = self.whole, self.ao_name, self.bounce_name
+        methods = bounce_methods(name)
+        if self.method is not None and not methods:
+            raise ValueError(f"method is {self.method!r}: expected None with indirect={name!r}, which has no methods")
+        if self.method is not None:
+            checks.choice("method", self.method, methods)
         if self.multi_bounce and name == "ssdo":
             raise ValueError("multi_bounce is True: expected False with indirect='ssdo', it is of ao")
         if self.indirect_ao and whole is None and (dims is None or name in (None, "ssdo")):
@@ -153,49 +172,71 @@ class FrameParams(Params):
         for argument, of in (("glossy_vpls", "vpl"), ("auxiliary_cameras", "ssdo")):
             value = getattr(self, argument)
             if value and name != of:
-                only = "they are of 'vpl'" if of == "vpl" else "they apply to 'ssdo' only"
-                raise ValueError(f"{argument} is {value!r}: expected 0 with indirect={name!r}, {only}")
+                raise ValueError(
+                    f"{argument} is {value!r}: expected 0 with indirect={name!r}, they apply to {of!r} only"
+                )
+
+    @cached_property
+    def whole(self) -> WholeFrameParams | None:
+        """Parameters of the whole picture; None of a frame with at most one bounce."""
+        bounces, preset, indirect = self.bounces, self.preset, self.indirect
+        if not isinstance(preset, WholeFrameParams):
+            name = DEFAULT_PRESET if preset is None else checks.choice("preset", preset, tuple(PRESETS))
+        if bounces and indirect is not None and indirect is not False:
+            raise ValueError(
+                f"bounces is {bounces!r}: expected None or 0 with indirect={indirect!r}, which "
+                "reflects light once by itself"
+            )
+        if bounces == 0 or (bounces is None and indirect is not None):
+            if preset is not None:
+                raise ValueError(
+                    f"preset is {preset!r}: expected None without bounces; it applies to the whole picture only"
+                )
+            return None
+        if isinstance(preset, WholeFrameParams):
+            return preset if bounces is None else replace(preset, bounces=bounces)
+        found: WholeFrameParams = PRESETS[name]("all" if bounces is None else bounces)
+        return found
+
+    @cached_property
+    def ao_name(self) -> str | None:
+        """Name of the technique that dims ambient light, or None."""
+        if isinstance(self.ao, Params):
+            return next(name for name, entry in TECHNIQUES.items() if type(self.ao) is entry.params)
+        if not isinstance(self.ao, (bool, str)):
+            raise TypeError(f"ao is {self.ao!r}: expected True, False or the name of a technique")
+        name = AO_DEFAULT if self.ao is True else self.ao
+        if isinstance(name, str):
+            checks.choice("ao", name, tuple(TECHNIQUES))
+        if self.ao_samples is not None and name != "ssao":
+            raise ValueError(f"ao_samples is {self.ao_samples}: expected None with ao={self.ao!r}, it is of 'ssao'")
+        return name or None
+
+    @cached_property
+    def bounce_name(self) -> str | None:
+        """Name of the technique of one bounce, or None."""
+        indirect = self.indirect
+        if isinstance(indirect, Params):
+            kinds = {name: (each.params, *each.methods.values()) for name, each in BOUNCES.items()}
+            return next(name for name, params in kinds.items() if isinstance(indirect, params))
+        if isinstance(indirect, bool):
+            return next(iter(BOUNCES)) if indirect else None
+        if indirect is not None and not isinstance(indirect, str):
+            raise TypeError(f"indirect is {indirect!r}: expected True, False, None or the name of a technique")
+        return None if indirect is None else checks.choice("indirect", indirect, tuple(BOUNCES))
 
     @property
     def kind(self) -> str:
         """The kind of frame: "whole", "direct", "one bounce" or "ssdo"."""
-        if self.whole() is not None:
+        if self.whole is not None:
             return "whole"
         name = self.bounce_name
         return "direct" if name is None else "ssdo" if name == "ssdo" else "one bounce"
 
     @property
-    def ao_name(self) -> str | None:
-        """The name of the technique that dims ambient light, or None."""
-        if isinstance(self.ao, Params):
-            return next(name for name, entry in TECHNIQUES.items() if type(self.ao) is entry.params)
-        return ao_name(self.ao, self.ao_samples)
-
-    @property
-    def bounce_name(self) -> str | None:
-        """How one bounce of light is found, or None."""
-        if isinstance(self.indirect, Params):
-            return next(name for name in BOUNCES if isinstance(self.indirect, BOUNCE_PARAMS[name]))
-        return bounce_name(self.indirect)
-
-    @property
     def dims_indirect(self) -> bool:
         """Whether ambient occlusion dims reflected light."""
         return self.indirect_ao and self.kind in ("whole", "one bounce")
-
-    def whole(self) -> WholeFrameParams | None:
-        """Return how all bounces are computed; None where the frame has not all light."""
-        return whole_params(self.bounces, self.preset, self.indirect)
-
-    def whole_params(self) -> WholeFrameParams:
-        """Return how all bounces are computed, in a frame that has them."""
-        found = self.whole()
-        assert found is not None  # noqa: S101  asked for in whole frames alone
-        return found
-
-    def margin(self, size: Size) -> Size:
-        """Return (rows, columns) by which the G-buffer exceeds pictures of `size` on every side."""
-        return math.ceil(self.overscan * size[0]), math.ceil(self.overscan * size[1])
 
     @property
     def needs_radius(self) -> bool:
@@ -203,139 +244,48 @@ class FrameParams(Params):
         of_view = self.bounce_name == "ssdo" or (self.ao_name is not None and not isinstance(self.ao, Params))
         return self.ao_radius is None and of_view
 
-    def techniques(self, radius: float) -> tuple[OcclusionParams | None, BounceParams | None]:
-        """Return parameters of ambient occlusion and of one bounce; `radius` where none is given."""
+    def techniques(self, radius: float = 1.0) -> tuple[OcclusionParams | None, Any]:
+        """Return the parameters of ambient occlusion and of one bounce, None where there is none.
+
+        `radius` is theirs where `ao_radius` is None. Their shape does not depend on it.
+        """
         radius = radius if self.ao_radius is None else self.ao_radius
-        name, dims = self.bounce_name, self.ao_name
-        bounce: Any = self.indirect
-        if not isinstance(bounce, Params):
-            bounce = bounce_params(name, self.vpls, self.layers, radius, self.glossy_vpls, self.method)
-        if name == "ssdo":
+        bounce = self.indirect if isinstance(self.indirect, Params) else self._bounce(radius)
+        if isinstance(bounce, SsdoParams):
             return None, replace(bounce, bent_normals=False)  # a picture has none
         occlusion: Any = self.ao
         if not isinstance(occlusion, Params):
             samples = {} if self.ao_samples is None else {"samples": self.ao_samples}
-            occlusion = None if dims is None else TECHNIQUES[dims].params(radius=radius, **samples)
+            occlusion = self.ao_name and TECHNIQUES[self.ao_name].params(radius=radius, **samples)
         return occlusion, bounce
+
+    def _bounce(self, radius: float) -> Params | None:
+        if self.bounce_name is None:
+            return None
+        technique = BOUNCES[self.bounce_name]
+        kind = technique.methods.get(self.method or "", technique.params)
+        own = parameter_fields(kind)
+        values: dict[str, Any] = {name: getattr(self, name) for name in ("vpls", "glossy_vpls") if name in own}
+        if kind is SsdoParams:
+            values |= {"radius": radius} | ({} if self.method is None else {"method": self.method})
+        return kind(**values, **BOUNCE_SETTINGS.get(kind, {}))
+
+    def margin(self, size: Size) -> Size:
+        """Return (rows, columns) by which the G-buffer exceeds pictures of `size` on every side."""
+        return math.ceil(self.overscan * size[0]), math.ceil(self.overscan * size[1])
 
     def shape(self) -> Hashable:
         """Return all that a renderer is prepared for."""
-        occlusion, bounce = (None if each is None else each.shape() for each in self.techniques(1.0))
-        names = (
-            "layers overscan auxiliary_cameras shadow_size rsm_size curve indirect_ao skips".split()  # noqa: SIM905
-        )
-        return self.whole(), occlusion, bounce, *(getattr(self, name) for name in names)
+        techniques = (None if each is None else each.shape() for each in self.techniques())
+        sizes = self.layers, self.overscan, self.auxiliary_cameras, self.shadow_size, self.rsm_size
+        return self.whole, *techniques, *sizes, self.curve, self.indirect_ao, self.skips
 
 
-BOUNCE_PARAMS: dict[str, tuple[type, ...]] = {
-    "multires": (MultiresSplatParams, MultiresPublishedParams),
-    "vpl": (VplSplatParams,),
-    "gather": (RsmGatherParams, RsmPublishedParams),
-    "ssdo": (SsdoParams,),
-}
-"""Name of a bounce -> its kinds of parameters."""
-
-
-def whole_params(bounces: object, preset: object, indirect: object) -> WholeFrameParams | None:
-    """Return what is asked for by these arguments of `render`; None without the whole picture.
-
-    Raises:
-        TypeError, ValueError: a wrong one, or two that exclude each other.
-    """
-    if isinstance(bounces, str):
-        checks.choice("bounces", bounces, ("all",))
-    elif bounces is not None:
-        bounces = checks.integer("bounces", bounces, low=0, high=MOST_BOUNCES, unit="reflections")
-    if not isinstance(preset, WholeFrameParams):
-        name = DEFAULT_PRESET if preset is None else checks.choice("preset", preset, tuple(PRESETS))
-    technique = indirect is not None and indirect is not False
-    if technique and bounces:
-        raise ValueError(
-            f"bounces is {bounces!r}: expected None or 0 with indirect={indirect!r}, which "
-            "reflects light once by itself"
-        )
-    if bounces == 0 or (bounces is None and (technique or indirect is False)):
-        if preset is not None:
-            raise ValueError(
-                f"preset is {preset!r}: expected None without bounces; it applies to the whole picture only"
-            )
-        return None
-    if isinstance(preset, WholeFrameParams):
-        return preset if bounces is None else replace(preset, bounces=bounces)
-    found: WholeFrameParams = PRESETS[name]("all" if bounces is None else bounces)
-    return found
+def bounce_methods(name: str | None) -> tuple[str, ...]:
+    """Return the methods of a technique of one bounce; none where there is one way to compute it."""
+    return () if name is None else tuple(BOUNCES[name].methods)
 
 
 def cell_size(scene: Scene) -> float:
     """Return the side of a cell of the occupancy grid that holds a scene, scene units."""
     return float(np.ptp(scene.bounds, axis=0).max() or 1.0) / (MOST_CELLS - OCCUPANCY_MARGIN)
-
-
-def ao_name(ao: object, samples: int | None) -> str | None:
-    """Return the name of the technique that dims ambient light, or None."""
-    if not isinstance(ao, (bool, str)):
-        raise TypeError(f"ao is {ao!r}: expected True, False or the name of a technique")
-    name = AO_DEFAULT if ao is True else ao
-    if isinstance(name, str):
-        checks.choice("ao", name, tuple(TECHNIQUES))
-    if samples is not None and name != "ssao":
-        raise ValueError(f"ao_samples is {samples}: expected None with ao={ao!r}, it is of 'ssao'")
-    return name or None
-
-
-def bounce_name(indirect: object) -> str | None:
-    """Return how one bounce of light is found, or None."""
-    if isinstance(indirect, bool):
-        return BOUNCES[0] if indirect else None
-    if indirect is not None and not isinstance(indirect, str):
-        raise TypeError(f"indirect is {indirect!r}: expected True, False, None or the name of a technique")
-    return None if indirect is None else checks.choice("indirect", indirect, BOUNCES)
-
-
-def bounce_methods(name: str | None) -> tuple[str, ...]:
-    """Return the methods of a bounce by its name; none if there is but one way to compute it."""
-    if name == "ssdo":
-        fields: dict[str, Any] = SsdoParams.__dataclass_fields__
-        choices: tuple[str, ...] = fields["method"].metadata["choices"]
-        return choices
-    methods = {"multires": multires_splat.METHODS, "gather": rsm_gather.METHODS}
-    return tuple(methods.get(name or "", ()))
-
-
-def bounce_method(name: str | None, method: object) -> str | None:
-    """Return the method of a bounce that is asked for, or None for its default.
-
-    Raises:
-        ValueError: the bounce has no such method.
-    """
-    methods = bounce_methods(name)
-    if method is None:
-        return None
-    if not methods:
-        raise ValueError(f"method is {method!r}: expected None with indirect={name!r}, which has no methods")
-    return checks.choice("method", method, methods)
-
-
-def bounce_params(
-    name: str | None, vpls: int, layers: int, radius: float, glossy_vpls: int = 0, method: str | None = None
-) -> BounceParams | None:
-    """Return the parameters of a bounce by its name, or None; `radius` is that of SSDO."""
-    if name is None:
-        return None
-    if name == "multires" and method == "published":
-        return MultiresPublishedParams(vpls=vpls)
-    if name == "multires":
-        # Shadow rays are shared by lights, which a hundredth would not show.
-        return MultiresSplatParams(
-            vpls=vpls, visibility=True, grid=MOST_CELLS, interpolation_error=0.05, light_error=0.05
-        )
-    if name == "ssdo":
-        chosen: dict[str, Any] = {} if method is None else {"method": method}
-        return SsdoParams(radius=radius, resolution="half", emission=False, **chosen)
-    if name == "gather" and method == "published":
-        return RsmPublishedParams()
-    if name == "gather":
-        return RsmGatherParams(resolution="adaptive")
-    return VplSplatParams(
-        vpls=vpls, glossy_vpls=glossy_vpls, cutoff=0.0, interleave=True, visibility=True, grid=MOST_CELLS
-    )

@@ -1,4 +1,4 @@
-"""Each kind of frame as one list of passes, in the order in which it reads."""
+"""Pipelines: each kind of frame as one list of passes, in the order in which they run."""
 
 from __future__ import annotations
 
@@ -11,116 +11,89 @@ from ssgi_cl.frame.passes.combine import combine
 from ssgi_cl.frame.passes.direct_light import direct_light
 from ssgi_cl.frame.passes.gather import gather
 from ssgi_cl.frame.passes.gbuffer import gbuffer
-from ssgi_cl.frame.passes.one_bounce import one_bounce_pass
+from ssgi_cl.frame.passes.one_bounce import one_bounce
 from ssgi_cl.frame.passes.reflections import reflections
-from ssgi_cl.frame.passes.resources import (
-    AO,
-    CASTING,
-    DIRECT,
-    GLOSSY,
-    INDIRECT,
-    LIGHT_VOLUME,
-    LIGHTS,
-    MATT,
-    MULTI_BOUNCE,
-    RSM,
-    SHADOWS,
-    SKY,
-    SKY_LIGHT,
-    SURFELS,
-)
+from ssgi_cl.frame.passes.resources import DIRECT, INDIRECT, SKY_LIGHT
 from ssgi_cl.frame.passes.shadow_maps import shadow_maps
 from ssgi_cl.frame.passes.sky_light import sky_light
 from ssgi_cl.frame.passes.ssdo import ssdo
 from ssgi_cl.frame.passes.surfels import surfels
 from ssgi_cl.frame.passes.tonemap import tonemap
 from ssgi_cl.frame.stage import Stage
-from ssgi_cl.techniques.direct.shade import Shade
-
-IN_COMMON = (LIGHTS, SHADOWS, SKY, MULTI_BOUNCE)
-"""Resources that a layer that is seen through shares with what is behind it."""
 
 
-def whole(build: Build) -> list[Stage]:
-    """Return the passes of the whole picture: sky with visibility, all bounces, emission, gloss."""
-    shade = Shade(build.runtime, build.size)
-    occlusion = ambient_occlusion(build)
-    light = (DIRECT, INDIRECT, SKY_LIGHT, *_written(occlusion))
-
-    def layer() -> list[Stage]:
-        shade = Shade(build.runtime, build.size)
-        return [
-            direct_light(shade),
-            sky_light(build),
-            gather(build),
-            combine(build, shade, light[:3], ambient=False),
-            reflections(build),
-        ]
-
+def whole_frame(build: Build) -> list[Stage]:
+    """Return the passes of the default frame, the whole picture."""
     return [
         gbuffer(build),
-        *occlusion,
+        *ambient_occlusion(build),
         shadow_maps(build),
-        direct_light(shade),
         surfels(build),
+        *fully_lit(build),
+        blended_layers(build, fully_lit),
+        *tonemap(build),
+    ]
+
+
+def fully_lit(build: Build) -> list[Stage]:
+    """Return the passes of all light at the surfaces of a G-buffer."""
+    return [
+        direct_light(build),
         sky_light(build),
         gather(build),
-        combine(build, shade, light, ambient=False),
+        combine(build, DIRECT, SKY_LIGHT, INDIRECT),
         reflections(build),
-        blended_layers(build, GLOSSY, (*IN_COMMON, CASTING, RSM, SURFELS, LIGHT_VOLUME), layer),
-        *tonemap(build, shade),
     ]
 
 
-def direct(build: Build) -> list[Stage]:
-    """Return the passes of direct light, ambient light and, where asked for, one bounce."""
-    shade = Shade(build.runtime, build.size)
-    occlusion, bounce = ambient_occlusion(build), one_bounce_pass(build)
-    light = (DIRECT, *_written([*occlusion, *bounce]))
-
-    def layer() -> list[Stage]:
-        shade = Shade(build.runtime, build.size)
-        return [direct_light(shade), combine(build, shade, (DIRECT,), ambient=True)]
-
+def direct_frame(build: Build) -> list[Stage]:
+    """Return the passes of direct and ambient light."""
     return [
         gbuffer(build),
-        *occlusion,
+        *ambient_occlusion(build),
         shadow_maps(build),
-        direct_light(shade),
-        *bounce,
-        combine(build, shade, light, ambient=True),
-        blended_layers(build, MATT, IN_COMMON, layer),
-        *tonemap(build, shade),
+        *directly_lit(build),
+        blended_layers(build, directly_lit),
+        *tonemap(build),
     ]
 
 
-def directional_occlusion(build: Build) -> list[Stage]:
-    """Return the passes of a frame that SSDO lights, ambient light included."""
-    shade = Shade(build.runtime, build.size, punctual_lights=False)
-    light, look = ssdo(build)
+def directly_lit(build: Build) -> list[Stage]:
+    """Return the passes of direct and ambient light at the surfaces of a G-buffer."""
+    return [direct_light(build), combine(build, DIRECT, ambient=True)]
 
-    def layer() -> list[Stage]:
-        shade = Shade(build.runtime, build.size)
-        return [direct_light(shade), combine(build, shade, (DIRECT,), ambient=True)]
 
+def one_bounce_frame(build: Build) -> list[Stage]:
+    """Return the passes of direct and ambient light and one bounce; layers have no bounce."""
     return [
-        gbuffer(build, look),
+        gbuffer(build),
+        *ambient_occlusion(build),
         shadow_maps(build),
-        *light,
-        combine(build, shade, (DIRECT, INDIRECT), ambient=False),
-        blended_layers(build, MATT, IN_COMMON, layer),
-        *tonemap(build, shade),
+        direct_light(build),
+        one_bounce(build),
+        combine(build, DIRECT, INDIRECT, ambient=True),
+        blended_layers(build, directly_lit),
+        *tonemap(build),
+    ]
+
+
+def ssdo_frame(build: Build) -> list[Stage]:
+    """Return the passes of a frame that SSDO lights, ambient light included."""
+    return [
+        gbuffer(build),
+        *ambient_occlusion(build),
+        shadow_maps(build),
+        ssdo(build),
+        combine(build, DIRECT, INDIRECT),
+        blended_layers(build, directly_lit),
+        *tonemap(build),
     ]
 
 
 PIPELINES: dict[str, Callable[[Build], list[Stage]]] = {
-    "whole": whole,
-    "direct": direct,
-    "one bounce": direct,
-    "ssdo": directional_occlusion,
+    "whole": whole_frame,
+    "direct": direct_frame,
+    "one bounce": one_bounce_frame,
+    "ssdo": ssdo_frame,
 }
-"""`FrameParams.kind` -> what returns the passes."""
-
-
-def _written(passes: list[Stage]) -> tuple[str, ...]:
-    return tuple(name for each in passes for name in each.writes if name in (AO, INDIRECT))
+"""Function that returns the passes of each `FrameParams.kind`."""

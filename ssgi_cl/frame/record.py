@@ -1,14 +1,13 @@
-"""What became of each stage and resource when a frame graph was run, to be read, kept and drawn."""
+"""Record of a run of the frame graph: what became of each stage and resource, to be read, kept and drawn."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from ssgi_cl.device.arrays import DeviceArray, Plane
-from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.timing import PassTime
 from ssgi_cl.frame.graph_dot import dot
 from ssgi_cl.frame.graph_mermaid import mermaid
@@ -16,39 +15,27 @@ from ssgi_cl.frame.graph_mermaid import mermaid
 STATES = {
     "ran": "ran",
     "reused": "its results are those of an earlier frame: what it reads is the same",
-    "idle": "its condition, or a resource that is not there, says that there is nothing to do",
+    "idle": "its condition says that there is nothing to do",
     "unneeded": "only stages would read it that are idle or reused",
     "culled": "no output needs it, or the caller gives what it writes",
     "planned": "not run yet",
 }
-"""What may become of a stage."""
+"""Meaning of each state of a stage."""
+
+MOST_SHARE = 0.25
+"""Share of a frame's device time above which drawings show a stage as a group of its kernels."""
 
 
-class StageRun(NamedTuple):
-    """What became of a stage.
-
-    Attributes:
-        state: out of `STATES`.
-        why: the reason, where it did not run.
-        first, end: its passes, skipped ones counted, as places in those of the frame.
-        host_ms: milliseconds that the host spent in it, reading back included.
-    """
-
-    state: str
-    why: str = ""
-    first: int = 0
-    end: int = 0
-    host_ms: float = 0.0
-
-
-@dataclass(frozen=True)
-class StageRecord:
+class StageRecord(NamedTuple):
     """A stage of a graph that was run.
 
     Attributes:
-        name, state, why, host_ms: see `StageRun`.
-        ms: milliseconds of its passes on the device.
-        latest_ms: the same of the latest frame in which it ran, None if it never did.
+        name: of the stage.
+        state: out of `STATES`.
+        why: the reason, where it did not run.
+        host_ms: milliseconds that the host spent in it, reading back included.
+        latest_ms: milliseconds of its passes on the device in the latest frame in which it ran,
+            None if it never did.
         reads, hints, writes: names of resources, see `Stage`.
         passes: that ran in it.
         skips: passes and parts that were left out in it, and why.
@@ -57,7 +44,6 @@ class StageRecord:
     name: str
     state: str
     why: str
-    ms: float
     host_ms: float
     latest_ms: float | None
     reads: tuple[str, ...]
@@ -67,13 +53,31 @@ class StageRecord:
     skips: tuple[PassTime, ...]
 
     @property
+    def ms(self) -> float:
+        """Milliseconds of its passes on the device."""
+        return sum(each.ms for each in self.passes)
+
+    @property
     def live(self) -> bool:
         """Whether its resources are there."""
         return self.state in ("ran", "reused", "planned")
 
+    @property
+    def kernels(self) -> dict[str, tuple[int, float]]:
+        """Number and milliseconds of its passes by kernel, in the order of their first passes."""
+        found: dict[str, tuple[int, float]] = {}
+        for each in self.passes:
+            count, ms = found.get(each.name, (0, 0.0))
+            found[each.name] = count + 1, ms + each.ms
+        return found
 
-@dataclass(frozen=True)
-class ResourceRecord:
+    def text(self, total: float) -> str:
+        """Return what drawings say of it, line by line, in a frame of `total` milliseconds on the device."""
+        notes = [self.why] if self.why else [f"{skip.name}: {skip.skipped}" for skip in self.skips]
+        return "\n".join([self.name, duration(self.ms, total) if self.state == "ran" else self.state, *notes])
+
+
+class ResourceRecord(NamedTuple):
     """A resource of a graph that was run.
 
     Attributes:
@@ -100,21 +104,67 @@ class ResourceRecord:
 
 @dataclass(frozen=True)
 class GraphRecord:
-    """A graph that was compiled and run.
+    """A graph that was run.
 
     Attributes:
         device: label of the device and kernel variant.
         outputs: resources asked for.
         stages: in the order in which they run, those that did not run among them.
-        resources: given ones first, then in the order in which they are written.
-        memory: bytes of the device: "used" now, at the "peak", and the "limit".
+        memory: bytes of the device after the run: "used", at the "peak", and the "limit".
+        sizes: bytes of device memory by resource, of those that a stage ever made.
+        given: resources that the caller gave.
+        held: resources that the caller reads after the last stage.
+        kept: resources that are kept for the next frame.
     """
 
     device: str
     outputs: tuple[str, ...]
     stages: tuple[StageRecord, ...]
-    resources: tuple[ResourceRecord, ...]
-    memory: dict[str, int]
+    memory: Mapping[str, int]
+    sizes: Mapping[str, int]
+    given: frozenset[str]
+    held: frozenset[str]
+    kept: frozenset[str]
+
+    @property
+    def resources(self) -> tuple[ResourceRecord, ...]:
+        """Given resources first, then the others in the order in which they are written."""
+        writers = {name: each for each in self.stages for name in each.writes if name not in self.given}
+        read = (name for each in self.stages for name in each.reads if name in self.given)
+        found = []
+        for name in dict.fromkeys((*read, *writers)):
+            writer = writers.get(name)
+            there = writer is None or writer.live
+            users = [each for each in self.stages if there and each.live]
+            touching = [each.name for each in users if name in (*each.reads, *each.hints, *each.writes)]
+            found.append(
+                ResourceRecord(
+                    name,
+                    device_bytes=self.sizes.get(name) if writer is not None and touching else None,
+                    given=writer is None,
+                    output=name in self.held,
+                    kept=writer is not None and name in self.kept,
+                    writer=None if writer is None else writer.name,
+                    first=touching[0] if touching else None,
+                    last=touching[-1] if touching else None,
+                )
+            )
+        return tuple(found)
+
+    @property
+    def ms(self) -> float:
+        """Milliseconds of all passes on the device."""
+        return sum(stage.ms for stage in self.stages)
+
+    def boxes(self, stage: StageRecord) -> list[str]:
+        """Return the text of each box of a stage in drawings: of one, or of each kernel where the stage takes more than
+        `MOST_SHARE` of the frame and has several."""
+        if stage.ms <= MOST_SHARE * self.ms or len(stage.kernels) < 2:
+            return [stage.text(self.ms)]
+        return [
+            f"{name}{f' x {count}' if count > 1 else ''}\n{duration(ms, self.ms)}"
+            for name, (count, ms) in stage.kernels.items()
+        ]
 
     def to_json(self) -> str:
         """Return the record as JSON: one object.
@@ -125,120 +175,26 @@ class GraphRecord:
         """
         stages = []
         for stage in self.stages:
-            entry = {**asdict(stage), "ms": round(stage.ms, 4), "host_ms": round(stage.host_ms, 4)}
+            entry = {**stage._asdict(), "ms": round(stage.ms, 4), "host_ms": round(stage.host_ms, 4)}
             entry["passes"] = [{"name": p.name, "ms": round(p.ms, 4)} for p in stage.passes]
             entry["skips"] = [{"name": p.name, "why": p.skipped, "saved_ms": round(p.saved, 4)} for p in stage.skips]
             stages.append(entry)
-        return json.dumps(
-            {
-                "device": self.device,
-                "outputs": self.outputs,
-                "memory": self.memory,
-                "stages": stages,
-                "resources": [asdict(each) for each in self.resources],
-            },
-            indent=1,
-        )
+        resources = [each._asdict() for each in self.resources]
+        whole = {"device": self.device, "outputs": self.outputs, "memory": self.memory}
+        return json.dumps({**whole, "stages": stages, "resources": resources}, indent=1)
 
     def to_dot(self) -> str:
-        """Return the graph in the language of Graphviz: stages are boxes, resources ellipses."""
+        """Return the graph in the language of Graphviz, see `dot`."""
         return dot(self)
 
     def to_mermaid(self) -> str:
-        """Return the graph in the language of Mermaid: stages are boxes, resources rounded."""
+        """Return the graph in the language of Mermaid, see `mermaid`."""
         return mermaid(self)
 
 
-@dataclass(frozen=True)
-class StageNames:
-    """The names of a stage and of its resources, see `Stage`, and whether its results are kept."""
-
-    name: str
-    reads: tuple[str, ...]
-    hints: tuple[str, ...]
-    writes: tuple[str, ...]
-    kept: bool
-
-
-@dataclass(frozen=True, eq=False)
-class GraphLog:
-    """What a run of a graph leaves: no resource, and nothing that holds device memory.
-
-    Attributes:
-        runtime: the device.
-        outputs: resources asked for.
-        also: others that the caller reads after the run where they are there.
-        given: names of the resources that the caller gave.
-        stages: in their order.
-        runs: what became of each stage, by name.
-        passes: of the frame, in order.
-        costs: ms of the latest run, by name of stage.
-        device_bytes: of each resource, by name.
-    """
-
-    runtime: Runtime
-    outputs: frozenset[str]
-    also: frozenset[str]
-    given: frozenset[str]
-    stages: tuple[StageNames, ...]
-    runs: Mapping[str, StageRun]
-    passes: tuple[PassTime, ...]
-    costs: Mapping[str, float]
-    device_bytes: Mapping[str, int]
-
-    def record(self) -> GraphRecord:
-        """Return the record; its memory is that of now."""
-        stages = []
-        for stage in self.stages:
-            run = self.runs[stage.name]
-            own = self.passes[run.first : run.end]
-            ran = tuple(p for p in own if not p.skipped)
-            stages.append(
-                StageRecord(
-                    stage.name,
-                    run.state,
-                    run.why,
-                    sum(p.ms for p in ran),
-                    run.host_ms,
-                    self.costs.get(stage.name),
-                    stage.reads,
-                    stage.hints,
-                    stage.writes,
-                    ran,
-                    tuple(p for p in own if p.skipped),
-                )
-            )
-        memory, info = self.runtime.memory, self.runtime.info
-        return GraphRecord(
-            f"{info.label}, {self.runtime.variant}",
-            tuple(sorted(self.outputs)),
-            tuple(stages),
-            tuple(self._resources(stages)),
-            {"used": memory.used, "peak": memory.peak, "limit": memory.limit},
-        )
-
-    def _resources(self, stages: Sequence[StageRecord]) -> Iterator[ResourceRecord]:
-        kept = {name for stage in self.stages if stage.kept for name in stage.writes}
-        writers = {name: each for each in stages for name in each.writes if name not in self.given}
-        read = (name for stage in stages for name in stage.reads if name in self.given)
-        for name in dict.fromkeys((*read, *writers)):
-            writer = writers.get(name)
-            touching = [
-                stage.name for stage in stages if stage.live and name in (*stage.reads, *stage.hints, *stage.writes)
-            ]
-            if writer is not None and not writer.live:
-                touching = []
-            given = writer is None
-            yield ResourceRecord(
-                name,
-                None if given or not touching else self.device_bytes.get(name),
-                given,
-                name in self.outputs | self.also,
-                not given and name in kept,
-                None if writer is None else writer.name,
-                touching[0] if touching else None,
-                touching[-1] if touching else None,
-            )
+def duration(ms: float, total: float) -> str:
+    """Return a time in ms with its share of `total`."""
+    return f"{ms:.2f} ms, {ms / total:.0%}" if total else f"{ms:.2f} ms"
 
 
 def device_bytes(value: Any) -> int:

@@ -1,4 +1,4 @@
-"""The whole pipeline: a scene, a camera and lights to a picture."""
+"""The function `render`: a scene, a camera and lights to a frame."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from collections.abc import Iterable, Sequence
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import Light, light_tuple
+from ssgi_cl.core.params import parameter_fields
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.frame.params import FrameParams
 from ssgi_cl.frame.renderer import Renderer, default_ao_radius
 from ssgi_cl.frame.result import Frame
-from ssgi_cl.frame.skips import chosen_skips
 from ssgi_cl.rasterize.raster.view import device_scene
 
 __all__ = ["Frame", "Renderer", "default_ao_radius", "render"]
@@ -49,24 +49,24 @@ def render(
     """Render the whole picture: direct light with shadows, sky, all bounces, emission.
 
     Punctual lights have shadow maps. Environments are blocked by the scene's triangles at any
-    distance (`sampled_lights`); surfaces that emit light the scene. Reflected light is carried
-    between surfels until it changes no more (`Radiosity`), and gathered by `multires_splat`; what
-    lies within two cells of the occupancy grid blocks sky and reflected light as ambient occlusion.
-    Glossy surfaces reflect lights, what rays meet within their lobes, and environments
-    (`Reflections`); where bounces are 0 and with `indirect`, their lobes count as albedo.
-    What depends on scene and lights alone is kept from frame to frame.
+    distance (`sampled_lights`). Surfaces that emit light the scene. Surfels carry reflected light
+    between surfaces until it converges (`Radiosity`), and `multires_splat` gathers it. Surfaces
+    within two cells of the occupancy grid block sky and reflected light as ambient occlusion.
+    Glossy surfaces reflect lights, surfaces and environments within their lobes (`Reflections`);
+    with `bounces` 0 and with `indirect`, their lobes count as albedo.
+    Results that depend on scene and lights alone are kept from frame to frame.
 
     Args:
-        scene: what `rasterize.load_scene` returns, or one of your own making.
-        camera: gives the size of the picture too.
+        scene: surfaces and their materials, such as `rasterize.load_scene` returns.
+        camera: the view, with the size of the picture.
         lights: any number of lights.
         bounces: reflections on the way from a light to a pixel: 1 or more, or "all". 0: direct
             light only, and that of environments as ambient light, dimmed by ambient occlusion
             within `ao_radius`; emission is then seen and lights nothing. By default "all" without
             `indirect`, 0 with it.
-        preset: how exactly the whole picture is computed: "low", "medium", "high" or "ultra"; by
-            default "high". Of no use with `bounces` 0.
-        ao: what dims ambient light: "ssao", "hbao", "gtao" or "bitmask_ao"; True for "gtao", False
+        preset: accuracy of the whole picture: "low", "medium", "high" or "ultra"; by default
+            "high". Not with `bounces` 0.
+        ao: technique of ambient occlusion: "ssao", "hbao", "gtao" or "bitmask_ao"; True for "gtao", False
             for none. All but "ssao" look into all `layers`, all four into the margin.
         ao_radius: its radius in scene units, and that of "ssdo"; by default two cells of the
             occupancy grid for the whole picture, else 5 % of the picture's diagonal where surfaces
@@ -81,13 +81,13 @@ def render(
             within `ao_radius`: "ssdo" (`ssdo`, which hides the light of environments too, so `ao`
             is not needed). What surfaces emit is then seen and lights nothing. True for
             "multires", False for none; None: as `bounces` says.
-        method: how `indirect` computes it, out of the methods of its technique: those of
-            `multires_splat`, `rsm_gather` and `ssdo`, "published" among them; None for the default.
-            "multires" as published lets no wall block light.
+        method: method of the technique in `indirect`: one of `multires_splat`, `rsm_gather` or
+            `ssdo`, such as "published"; None for the default. "multires" as published has no
+            visibility.
         vpls: virtual point lights of "multires" and "vpl" in all, 1 to 2^24.
         glossy_vpls: more lights of "vpl" for what glossy surfaces mirror, 0 to 2^24.
-        indirect_ao: whether A dims the light that "multires", "vpl" and "gather" reflect too, for
-            want of knowing what blocks it; `Frame.indirect` stays as it was gathered.
+        indirect_ao: whether A dims the light of "multires", "vpl" and "gather" too, in place of
+            visibility; `Frame.indirect` is not dimmed.
         layers: depth layers of the G-buffer, 1 to 16.
         overscan: margin of the G-buffer on every side, a share of the image's size in [0, 1].
         auxiliary_cameras: cameras of half the size that show "ssdo" what the camera misses, 0 to
@@ -99,11 +99,11 @@ def render(
         exposure: factor before the tone curve; by default the log-average luminance becomes 0.18.
         curve: "filmic" or "clip".
         gbuffer: whether the frame holds the G-buffer too.
-        outputs: what the frame is to hold, out of "image", "radiance", "ao", "indirect" and
-            "gbuffer": what they don't need is not computed. By default image and radiance, and AO
-            and indirect light where the image needs them.
-        skips: what may be left out where the scene shows that it is idle: True for all, False for
-            none, or names from `ssgi_cl.frame.skips.SKIPS`. None changes a bit of any output.
+        outputs: names of what the frame is to hold: "image", "radiance", "ao", "indirect" and
+            "gbuffer". Passes that they do not need are left out. By default image and radiance,
+            and AO and indirect light where the image needs them.
+        skips: work that may be left out where it has no effect: True for all, False for none, or
+            names from `ssgi_cl.frame.skips.SKIPS`. No bit of any output depends on it.
         runtime: the device; by default the fastest found.
 
     Returns:
@@ -113,32 +113,11 @@ def render(
     Raises:
         TypeError, ValueError: an argument of the wrong type or out of range.
     """
+    given = {name: value for name, value in locals().items() if name in parameter_fields(FrameParams)}
     if not isinstance(camera, Camera):
         raise TypeError(f"camera is {camera!r}: expected an ssgi_cl.Camera")
     lights = light_tuple(lights)
-    params = FrameParams(
-        bounces=bounces,
-        preset=preset,
-        ao=ao,
-        ao_radius=ao_radius,
-        ao_samples=ao_samples,
-        multi_bounce=multi_bounce,
-        indirect=indirect,
-        method=method,
-        vpls=vpls,
-        glossy_vpls=glossy_vpls,
-        indirect_ao=indirect_ao,
-        layers=layers,
-        overscan=overscan,
-        auxiliary_cameras=auxiliary_cameras,
-        shadow_size=shadow_size,
-        rsm_size=rsm_size,
-        exposure=exposure,
-        curve=curve,
-        gbuffer=gbuffer,
-        outputs=outputs,
-        skips=chosen_skips(skips),
-    )
+    params = FrameParams(**given)
     runtime = runtime or Runtime.open()
     device_scene(scene, runtime)
     renderer: Renderer = runtime.prepared(

@@ -1,4 +1,4 @@
-"""What a rendered frame holds."""
+"""Frame: a picture and the arrays that it was made from."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.device.timing import PassTime
-from ssgi_cl.frame.record import GraphLog, GraphRecord
+from ssgi_cl.frame.record import GraphRecord
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -20,12 +20,13 @@ class Frame:
         ao: A [rows, columns] float32 in [0, 1], or None if it was not needed, as with SSDO.
         indirect: irradiance by light that surfaces reflect, [rows, columns, 3] float32 in W/m^2, or
             None if it was not computed.
-        gbuffer: what the camera sees, or None if it was not asked for.
-        levels: how many pixels apart the points were among which "multires" computed a pixel,
-            [rows, columns] int32, 0 where it interpolated; with the G-buffer, else None.
+        gbuffer: surfaces that the camera sees, or None if it was not asked for.
+        levels: distance in pixels between the points that "multires" computed, [rows, columns] int32, 0
+            where it interpolated; with the G-buffer, else None.
         exposure: the factor before the tone curve; 1 if neither it nor light was asked for.
         passes: name and milliseconds of every pass, or why it was skipped.
         wall_ms: milliseconds from the call to the finished arrays.
+        graph: the frame graph as it was run: what became of each stage, its time, and resources.
     """
 
     ao: NDArray[np.float32] | None
@@ -35,14 +36,9 @@ class Frame:
     exposure: float
     passes: tuple[PassTime, ...]
     wall_ms: float
+    graph: GraphRecord
     _image: NDArray[np.uint8] | None
     _radiance: NDArray[np.float32] | None
-    _log: GraphLog
-
-    @property
-    def graph(self) -> GraphRecord:
-        """The frame graph as it was run: what became of each stage, its time, and resources."""
-        return self._log.record()
 
     @property
     def image(self) -> NDArray[np.uint8]:

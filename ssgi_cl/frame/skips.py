@@ -1,10 +1,9 @@
-"""What a frame is asked for: outputs and skips; and when two inputs are the same."""
+"""Outputs and skips that a frame is asked for, and the comparison of its inputs with those of the frame before."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
-from typing import Self
+from dataclasses import fields
 
 import numpy as np
 
@@ -16,8 +15,8 @@ _VALUES = (Camera, SpotLight, PointLight, DirectionalLight, Environment)
 _PLAIN = (bool, int, float, str, frozenset, type(None))
 
 OUTPUTS = ("image", "radiance", "ao", "indirect", "gbuffer")
-"""What a frame can hold; by default all but the G-buffer, of AO and indirect light what is needed
-for the image."""
+"""Names of what a frame can hold. By default it holds all but the G-buffer; AO and indirect light where the image
+needs them."""
 
 SKIPS = {
     "outputs": "passes whose results no requested output reads, such as light where only AO is requested",
@@ -28,7 +27,7 @@ SKIPS = {
     "occlusion, light, image",
     "region": "pixels outside the active region: the rectangle of tiles that triangles may cover",
 }
-"""Skips by name, and the work that each leaves out. Results are bit-identical with and without."""
+"""Work that each skip leaves out, by its name. Results are bit-identical with and without."""
 
 
 def chosen_skips(skips: object) -> frozenset[str]:
@@ -42,9 +41,7 @@ def chosen_skips(skips: object) -> frozenset[str]:
     """
     if isinstance(skips, bool):
         return frozenset(SKIPS) if skips else frozenset()
-    if isinstance(skips, Iterable) and not isinstance(skips, str):
-        skips = list(skips)
-    return frozenset(_names("skips", skips, tuple(SKIPS)))
+    return _names("skips", skips, tuple(SKIPS))
 
 
 def chosen_outputs(outputs: object) -> frozenset[str] | None:
@@ -55,63 +52,28 @@ def chosen_outputs(outputs: object) -> frozenset[str] | None:
     """
     if outputs is None:
         return None
-    names = frozenset(_names("outputs", outputs, OUTPUTS))
+    names = _names("outputs", outputs, OUTPUTS)
     if not names:
-        raise ValueError(f"outputs is {outputs!r}: expected at least one of {_listed(OUTPUTS)}")
+        raise ValueError(f"outputs is {outputs!r}: expected at least one of {', '.join(map(repr, OUTPUTS))}")
     return names
 
 
-def _names(argument: str, names: object, allowed: tuple[str, ...]) -> list[str]:
+def _names(argument: str, names: object, allowed: tuple[str, ...]) -> frozenset[str]:
+    expected = f"expected names out of {', '.join(map(repr, allowed))}"
     if isinstance(names, str) or not isinstance(names, Iterable):
-        raise TypeError(f"{argument} is {names!r}: expected names out of {_listed(allowed)}")
-    found = list(names)
+        raise TypeError(f"{argument} is {names!r}: {expected}")
+    found = tuple(names)
     for name in found:
         if name not in allowed:
-            raise ValueError(f"{argument} has {name!r}: expected names out of {_listed(allowed)}")
-    return found
-
-
-def _listed(names: Iterable[str]) -> str:
-    return ", ".join(repr(name) for name in names)
-
-
-@dataclass(frozen=True)
-class Needs:
-    """What the outputs of a frame need.
-
-    Attributes:
-        outputs: names asked for.
-        ao: whether A is asked for by itself, be there ambient light or not.
-        light, picture: whether the light of all pixels, and its tone mapping, are computed.
-        given: outputs that a frame gets if they are there.
-    """
-
-    outputs: frozenset[str]
-    ao: bool
-    light: bool
-    picture: bool
-    given: frozenset[str]
-
-    @classmethod
-    def of(cls, outputs: object, skips: frozenset[str]) -> Self:
-        """Return what outputs need, given by name or None for those of a picture."""
-        chosen = chosen_outputs(outputs)
-        names = chosen or frozenset({"image", "radiance"})
-        all_ = "outputs" not in skips
-        picture = all_ or "image" in names
-        light = picture or "radiance" in names
-        return cls(
-            names,
-            ao=chosen is not None and "ao" in names,
-            light=light,
-            picture=picture,
-            given=names | ({"ao", "indirect"} if chosen is None else set()),
-        )
+            raise ValueError(f"{argument} has {name!r}: {expected}")
+    return frozenset(found)
 
 
 def same(a: object, b: object) -> bool:
-    """Return whether two inputs are the same: cameras, lights, parameters and plain values by their
-    values, all else, such as a scene, as objects."""
+    """Return whether two inputs are the same.
+
+    Cameras, lights, parameters and plain values are compared by value, all else by identity.
+    """
     if a is b:
         return True
     if type(a) is not type(b):

@@ -325,6 +325,18 @@ def test_what_is_kept_is_bounded_in_bytes(fresh: Runtime) -> None:
     assert fresh.allocated_bytes == allocated
 
 
+def test_what_is_kept_can_be_forgotten(fresh: Runtime) -> None:
+    def make() -> Plane:
+        return fresh.prepared("a", lambda: fresh.plane(1, (64, 1024)))
+
+    make()
+    assert fresh.memory.kept > 64 * 1024 * 4
+    fresh.forget()
+    assert fresh.memory.kept == fresh.memory.used == 0
+    first = make()
+    assert make() is first
+
+
 def test_a_call_keeps_what_it_uses_however_much_that_is(fresh: Runtime) -> None:
     fresh.memory.keep = 1 << 20
 

@@ -52,15 +52,15 @@ def eye(camera: Camera) -> np.ndarray:
     return np.asarray(-camera.view[:3, :3].T @ camera.view[:3, 3])
 
 
-@pytest.mark.parametrize(("count", "at_lamps"), [(1, 0), (2, 1), (3, 1), (5, 2)])
+@pytest.mark.parametrize(("count", "at_lights"), [(1, 0), (2, 1), (3, 1), (5, 2)])
 def test_up_to_half_of_the_cameras_stand_at_lights_that_one_camera_sees_all_of(
-    runtime: Runtime, box: BuiltinScene, seen: DeviceGBuffer, count: int, at_lamps: int
+    runtime: Runtime, box: BuiltinScene, seen: DeviceGBuffer, count: int, at_lights: int
 ) -> None:
     found = cameras(AuxiliaryViews(runtime, count), box, seen, punctual_lights())
     assert len(found) == count
-    for camera, punctual_light in zip(found[:at_lamps], punctual_lights()[1:], strict=False):
+    for camera, punctual_light in zip(found[:at_lights], punctual_lights()[1:], strict=False):
         np.testing.assert_allclose(eye(camera), punctual_light.position, atol=1e-6)
-    for camera in found[at_lamps:]:
+    for camera in found[at_lights:]:
         positions = [light.position for light in punctual_lights()]
         assert min(np.abs(eye(camera) - position).max() for position in positions) > 1e-3
 

@@ -1,4 +1,4 @@
-"""Frames of input at and beyond the edge of sense: finite pictures near the truth, or a reason."""
+"""Frames of extreme input: finite pictures near the reference, or an error with the reason."""
 
 from __future__ import annotations
 
@@ -10,42 +10,23 @@ import pytest
 from numpy.typing import NDArray
 
 import ssgi_cl as gi
-from ssgi_cl.core.scene import Material, Scene
+from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.runtime import Runtime
+
+from .scenes import CORNERS, QUADS, cube, inside, matt, scene_of
 
 Floats = NDArray[np.float32]
 
-QUADS = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
 WHITE = gi.Environment(1.0)
-
-
-def cube(albedo: float, emission: float = 0.0, *, inside_out: bool = False) -> Scene:
-    """Return a closed cube from -1 to 1."""
-    corners = [[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
-    triangles = [t for a, b, c, d in QUADS for t in ((a, b, c), (a, c, d))]
-    return scene_of(corners, [t[::-1] if inside_out else t for t in triangles], albedo, emission)
-
-
-def scene_of(points: Any, triangles: Any, albedo: float, emission: float) -> Scene:
-    count = len(points)
-    return Scene(
-        positions=np.asarray(points, np.float32),
-        normals=np.zeros((count, 3), np.float32),
-        uvs=np.zeros((count, 2), np.float32),
-        colors=np.ones((count, 3), np.float32),
-        triangles=np.asarray(triangles, np.int32),
-        material_ids=np.zeros(len(triangles), np.int32),
-        materials=(Material(albedo=(albedo,) * 3, emission=(emission,) * 3),),
-    )
 
 
 def floor(albedo: float = 0.5) -> Scene:
     points = [[-9, 0, -9], [9, 0, -9], [9, 0, 9], [-9, 0, 9]]
-    return scene_of(points, [(0, 2, 1), (0, 3, 2)], albedo, 0.0)
+    return scene_of(points, [(0, 2, 1), (0, 3, 2)], matt(albedo))
 
 
 DOWN = gi.Camera.look_at((0, 3, 0.1), (0, 0, 0), yfov=0.6, width=24, height=16)
-INSIDE = gi.Camera.look_at((0.6, -0.2, 0.5), (-1.0, -0.3, -0.8), yfov=1.2, width=24, height=16)
+INSIDE = inside(24, 16)
 
 
 def radiance(runtime: Runtime, scene: Scene, lights: Any, camera: gi.Camera = INSIDE, **given: Any) -> Floats:
@@ -84,7 +65,8 @@ def test_emission_of_1e9_scales_the_picture(runtime: Runtime) -> None:
 
 def test_inside_out_is_lit_the_same(runtime: Runtime) -> None:
     light = gi.PointLight((0.2, 0.6, 0.1), 1.0)
-    a, b = (radiance(runtime, cube(0.5, inside_out=turned), [light]) for turned in (False, True))
+    room = cube(0.5)
+    a, b = (radiance(runtime, scene, [light]) for scene in (room, replace(room, triangles=room.triangles[:, ::-1])))
     assert a.mean() > 0.01
     np.testing.assert_allclose(a.mean(), b.mean(), rtol=0.02)
 
@@ -92,13 +74,13 @@ def test_inside_out_is_lit_the_same(runtime: Runtime) -> None:
 def test_a_light_inside_a_wall_lights_nothing_inside(runtime: Runtime) -> None:
     # A slab from -0.4 to 0.4 in a room; the light is in the middle of it. Each side has corners and
     # normals of its own: those estimated from depths look into the slab at its edges.
-    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
+    corners = np.array(CORNERS, float)
     sides = np.concatenate([corners[list(quad)] * size for size in (1.0, 0.4) for quad in QUADS])
     triangles = [(i, i + j, i + j + 1) for i in range(0, len(sides), 4) for j in (1, 2)]
     first, second, third = (sides[[t[i] for t in triangles[::2]]] for i in range(3))
     normals = np.repeat(np.cross(second - first, third - first), 4, axis=0)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    scene = replace(scene_of(sides, triangles, 0.5, 0.0), normals=normals.astype(np.float32))
+    scene = replace(scene_of(sides, triangles, matt(0.5)), normals=normals.astype(np.float32))
     camera = gi.Camera.look_at((0.8, 0.8, 0.8), (0, 0, 0), yfov=1.2, width=24, height=16)
     found = radiance(runtime, scene, [gi.PointLight((0, 0, 0), 1.0)], camera)
     outside = radiance(runtime, scene, [gi.PointLight((0.7, 0.7, -0.7), 1.0)], camera)
@@ -118,7 +100,7 @@ def test_thousands_of_emissive_triangles(runtime: Runtime, rng: np.random.Genera
                 for column in range(24):
                     a = first + row * 25 + column
                     triangles += [(a, a + 1, a + 26), (a, a + 26, a + 25)]
-    scene = scene_of(np.concatenate(points), triangles, 0.5, 1.0)
+    scene = scene_of(np.concatenate(points), triangles, matt(0.5, 1.0))
     assert len(triangles) == 6912
     found = radiance(runtime, scene, [], ao=False)
     np.testing.assert_allclose(found.mean(), 2.0, rtol=0.03)

@@ -1,5 +1,4 @@
-"""Surfaces that are seen through: the pass against the numpy reference, frames against closed
-forms and paths."""
+"""Surfaces that are seen through: the pass against the numpy reference, frames against closed forms and paths."""
 
 from __future__ import annotations
 
@@ -19,6 +18,7 @@ from ssgi_cl.frame.renderer import Renderer
 from ssgi_cl.reference.blended import blended_reference
 
 from ..squares import squares
+from .scenes import CORNERS, QUADS, halves, scene_of
 
 SIZE = (23, 37)
 
@@ -88,10 +88,7 @@ def over(seen: NDArray[np.float64], material: Material) -> NDArray[np.float64]:
 
 
 def radiance(runtime: Runtime, scene: Scene, camera: gi.Camera, lights: Any = (), **given: Any) -> NDArray[np.float32]:
-    found: NDArray[np.float32] = gi.render(
-        scene, camera, lights, runtime=runtime, outputs=["radiance"], **given
-    ).radiance
-    return found
+    return gi.render(scene, camera, lights, runtime=runtime, outputs=["radiance"], **given).radiance
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -141,26 +138,13 @@ def test_what_is_behind_a_wall_changes_nothing(runtime: Runtime) -> None:
 
 def room(*panes: Material) -> Scene:
     """Return a box open towards the viewer with panes across it."""
-    corners = np.float32([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-    sides = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4))
-    faces = [t for a, b, c, d in sides for t in ((a, b, c), (a, c, d))]
-    ids = [0] * 10
-    for number, _ in enumerate(panes):
-        first, z = len(corners), 0.2 + 0.4 * number
-        corners = np.concatenate(
-            [corners, np.float32([[-0.9, -0.4, z], [0.3, -0.4, z], [0.3, 0.6, z], [-0.9, 0.6, z]])]
-        )
-        faces += [(first, first + 1, first + 2), (first, first + 2, first + 3)]
-        ids += [1 + number] * 2
-    return Scene(
-        positions=corners,
-        normals=np.zeros_like(corners),
-        uvs=corners[:, :2].copy(),
-        colors=np.ones_like(corners),
-        triangles=np.asarray(faces, np.int32),
-        material_ids=np.asarray(ids, np.int32),
-        materials=(Material(albedo=(0.7, 0.6, 0.4)), *panes),
-    )
+    corners, quads = [*CORNERS], [*QUADS[:5]]
+    for number in range(len(panes)):
+        z, first = 0.2 + 0.4 * number, len(corners)
+        corners += [[-0.9, -0.4, z], [0.3, -0.4, z], [0.3, 0.6, z], [-0.9, 0.6, z]]
+        quads.append((first, first + 1, first + 2, first + 3))
+    ids = np.repeat([0] * 5 + [1 + number for number in range(len(panes))], 2)
+    return scene_of(corners, halves(quads), Material(albedo=(0.7, 0.6, 0.4)), *panes, ids=ids)
 
 
 PAINTED = Material(albedo=(0.9, 0.5, 0.2), alpha=0.6, blends=True, alpha_cutoff=0.5)

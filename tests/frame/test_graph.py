@@ -1,9 +1,9 @@
-"""The frame graph: what it culls, in which order it runs, what it reuses and skips, and why."""
+"""The frame graph: culling, order, reuse and skips with their reasons; its record and drawings."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+import re
 from typing import Any
 
 import numpy as np
@@ -12,26 +12,25 @@ import pytest
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import Environment
 from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.device.timing import PassTime
 from ssgi_cl.frame.graph import UNCHANGED, Graph
 from ssgi_cl.frame.params import FrameParams
 from ssgi_cl.frame.passes.resources import AO, CASTING, GBUFFER, SCENE
-from ssgi_cl.frame.record import device_bytes
+from ssgi_cl.frame.record import GraphRecord, StageRecord, device_bytes
 from ssgi_cl.frame.renderer import Renderer
-from ssgi_cl.frame.stage import Resource, Stage, Values
+from ssgi_cl.frame.stage import Declared, Stage, Values
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.techniques.ao.gtao import GtaoParams
 
-GIVEN = (Resource("number", given=True),)
-
 
 class Recorder:
-    """Makes stages that note their runs; each adds up what it reads, and one."""
+    """Stages that note their runs; each adds up what it reads, and one."""
 
     def __init__(self) -> None:
         self.ran: list[str] = []
 
     def stage(self, name: str, reads: tuple[str, ...] = (), *, writes: str = "", **more: Any) -> Stage:
-        def run(values: Values) -> Any:
+        def run(values: Declared) -> Any:
             self.ran.append(name)
             return sum(values[each] or 0 for each in reads) + 1
 
@@ -49,51 +48,43 @@ def stages() -> Recorder:
 
 
 def reasons(graph: Graph, number: int, outputs: tuple[str, ...]) -> list[tuple[str, str]]:
-    return [(p.name, p.skipped) for p in graph.run({"number": number}, outputs).log.passes]
+    return [(p.name, p.skipped) for p in graph.run({"number": number}, outputs).passes]
 
 
 # ---- order
 
 
-def test_stages_run_in_the_order_of_their_resources(runtime: Runtime, stages: Recorder) -> None:
+def test_stages_run_in_the_order_of_the_list(runtime: Runtime, stages: Recorder) -> None:
     graph = Graph(
         runtime,
         [
-            stages.stage("last", ("left", "right")),
+            stages.stage("first", ("number",)),
             stages.stage("right", ("first",)),
             stages.stage("left", ("first",)),
-            stages.stage("first", ("number",)),
+            stages.stage("last", ("left", "right")),
         ],
-        GIVEN,
     )
     run = graph.run({"number": 4}, ["last"])
     assert stages.since() == ["first", "right", "left", "last"]
     assert run.values["last"] == 13
 
 
-def test_a_hint_orders_stages_too(runtime: Runtime, stages: Recorder) -> None:
-    graph = Graph(
-        runtime, [stages.stage("a", ("number",), hints=("proof",)), stages.stage("proof", ("number",))], GIVEN
-    )
-    graph.run({"number": 1}, ["a"])
-    assert stages.since() == ["proof", "a"]
-
-
-def test_a_cycle_is_refused_with_the_names_of_its_stages(runtime: Runtime, stages: Recorder) -> None:
-    with pytest.raises(ValueError, match=r"in a cycle: 'c', 'b'$"):
-        Graph(runtime, [stages.stage("b", ("c",)), stages.stage("a", ("b",)), stages.stage("c", ("b",))])
+@pytest.mark.parametrize("uses", [{"reads": ("b",)}, {"hints": ("b",)}, {"reads": ("a",)}], ids=str)
+def test_a_stage_that_reads_what_is_not_made_yet_is_refused(
+    runtime: Runtime, stages: Recorder, uses: dict[str, Any]
+) -> None:
+    read = next(iter(uses.values()))[0]
+    message = rf"stage 'a' reads '{read}' before stage '{read}' writes it: expected it after that in the list"
+    with pytest.raises(ValueError, match=message):
+        Graph(runtime, [stages.stage("a", **uses), stages.stage("b", ("a",))])
 
 
 def test_a_resource_that_nobody_makes_is_refused(runtime: Runtime, stages: Recorder) -> None:
-    with pytest.raises(
-        ValueError,
-        match=r"stage 'a' reads 'light', which no stage writes .*; "
-        r"stages write a$",
-    ):
-        Graph(runtime, [stages.stage("a", ("light",))])
-    graph = Graph(runtime, [stages.stage("a", ("number",))], GIVEN)
-    with pytest.raises(ValueError, match=r"stage 'a' reads 'number', which is not given"):
-        graph.run({"number": None}, ["a"])
+    graph = Graph(runtime, [stages.stage("a", ("number",))])
+    message = r"stage 'a' reads 'number', which no stage writes and which is not given; stages write a$"
+    for given in ({}, {"number": None}):
+        with pytest.raises(ValueError, match=message):
+            graph.run(given, ["a"])
     with pytest.raises(ValueError, match=r"an output is 'b': expected one of 'a'"):
         graph.run({"number": 1}, ["b"])
 
@@ -103,8 +94,6 @@ def test_names_that_occur_twice_are_refused(runtime: Runtime, stages: Recorder) 
         Graph(runtime, [stages.stage("a"), stages.stage("a", writes="b")])
     with pytest.raises(ValueError, match=r"stages 'a' and 'b' both write 'a': expected one"):
         Graph(runtime, [stages.stage("a"), stages.stage("b", writes="a")])
-    with pytest.raises(ValueError, match=r"reuse of stage 'a' is 'never': expected one of 'kept'"):
-        Graph(runtime, [stages.stage("a", reuse="never")])
 
 
 # ---- cull and skip
@@ -114,12 +103,11 @@ def test_what_no_output_needs_is_culled(runtime: Runtime, stages: Recorder) -> N
     graph = Graph(
         runtime,
         [stages.stage("a", ("number",)), stages.stage("b", ("a",)), stages.stage("c", ("a",), culled="not asked for")],
-        GIVEN,
     )
     passes = reasons(graph, 1, ("b",))
     assert stages.since() == ["a", "b"]
     assert passes == [("c", "not asked for")]
-    record = graph.run({"number": 1}, ["c"]).log.record()
+    record = graph.run({"number": 1}, ["c"]).record
     assert {s.name: (s.state, s.why) for s in record.stages} == {
         "a": ("reused", UNCHANGED),
         "b": ("culled", "no output needs it"),
@@ -136,46 +124,29 @@ def test_a_condition_makes_a_stage_idle_and_what_only_it_reads(runtime: Runtime,
         runtime,
         [
             stages.stage("only for b", ("number",)),
-            stages.stage("b", ("only for b",), condition=condition, label="the b pass"),
+            stages.stage("b", ("only for b",), condition=condition),
             stages.stage("sum", ("b", "number")),
         ],
-        GIVEN,
     )
-    assert reasons(graph, 3, ("sum",)) == [("the b pass", "the number is odd")]
+    assert reasons(graph, 3, ("sum",)) == [("b", "the number is odd")]
     assert stages.since() == ["sum"]
-    record = graph.run({"number": 3}, ["sum"]).log.record()
+    record = graph.run({"number": 3}, ["sum"]).record
     states = {s.name: s.state for s in record.stages}
     assert states == {"only for b": "unneeded", "b": "idle", "sum": "reused"}
     assert reasons(graph, 4, ("sum",)) == []
     assert stages.since() == ["only for b", "b", "sum"]
 
 
-def test_a_stage_is_idle_where_a_resource_that_it_needs_is_not_there(runtime: Runtime, stages: Recorder) -> None:
-    graph = Graph(
-        runtime,
-        [
-            stages.stage("map", ("number",), run=lambda v: None),
-            stages.stage("a", ("number", "map"), label="the a pass"),
-            stages.stage("b", ("a",)),
-        ],
-        (*GIVEN, Resource("map", absent="there is no map")),
-    )
-    assert reasons(graph, 1, ("b",)) == [("the a pass", "there is no map")]
-    assert stages.since() == ["b"]
-    assert reasons(graph, 1, ("b",)) == [(name, UNCHANGED) for name in ("map", "a", "b")]
-
-
 def test_what_the_caller_gives_is_not_made(runtime: Runtime, stages: Recorder) -> None:
     graph = Graph(
         runtime,
         [stages.stage("costly", ("number",)), stages.stage("factor", ("costly",)), stages.stage("a", ("factor",))],
-        (*GIVEN, Resource("factor", given=True, by_value=True)),
     )
     assert graph.run({"number": 1}, ["a"]).values["a"] == 4
     run = graph.run({"number": 1, "factor": 10}, ["a"])
     assert run.values["a"] == 11
     assert stages.since() == ["costly", "factor", "a", "a"]
-    whys = {s.name: s.why for s in run.log.record().stages}
+    whys = {s.name: s.why for s in run.record.stages}
     assert whys == {"costly": "no output needs it", "factor": "the caller gives factor", "a": ""}
     graph.run({"number": 1, "factor": 10}, ["a"])
     assert stages.since() == [], "the same value is no change"
@@ -184,11 +155,9 @@ def test_what_the_caller_gives_is_not_made(runtime: Runtime, stages: Recorder) -
 # ---- reuse
 
 
-def test_stages_are_reused_until_what_they_read_changes(runtime: Runtime, stages: Recorder) -> None:
+def test_stages_are_reused_until_an_input_changes_or_they_are_forgotten(runtime: Runtime, stages: Recorder) -> None:
     graph = Graph(
-        runtime,
-        [stages.stage("a", ("number",)), stages.stage("b", ("other",)), stages.stage("c", ("a", "b"))],
-        (*GIVEN, Resource("other", given=True)),
+        runtime, [stages.stage("a", ("number",)), stages.stage("b", ("other",)), stages.stage("c", ("a", "b"))]
     )
 
     def run(number: int, other: int) -> list[str]:
@@ -199,38 +168,20 @@ def test_stages_are_reused_until_what_they_read_changes(runtime: Runtime, stages
     assert run(1, 2) == []
     assert run(1, 3) == ["b", "c"]
     assert run(5, 3) == ["a", "c"]
-
-
-def test_a_stage_that_is_forgotten_runs_again(runtime: Runtime, stages: Recorder) -> None:
-    graph = Graph(
-        runtime,
-        [
-            stages.stage("a", ("number",)),
-            stages.stage("b", ("a",)),
-            stages.stage("c", ("number",)),
-            stages.stage("d", ("b", "c")),
-        ],
-        GIVEN,
-    )
-    graph.run({"number": 1}, ["d"])
-    stages.since()
-    graph.forget("a")
-    graph.run({"number": 1}, ["d"])
-    assert stages.since() == ["a", "b", "d"]
+    graph.forget("b")
+    assert run(5, 3) == ["b", "c"]
 
 
 def test_a_graph_that_keeps_nothing_runs_all(runtime: Runtime, stages: Recorder) -> None:
-    graph = Graph(runtime, [stages.stage("a", ("number",))], GIVEN, keep=False)
+    graph = Graph(runtime, [stages.stage("a", ("number",))], keep=False)
     for _ in range(2):
         assert reasons(graph, 1, ("a",)) == []
     assert stages.since() == ["a", "a"]
 
 
-def test_a_resource_may_change_by_its_value_alone(runtime: Runtime, stages: Recorder) -> None:
+def test_a_number_changes_by_its_value_alone(runtime: Runtime, stages: Recorder) -> None:
     graph = Graph(
-        runtime,
-        [stages.stage("halved", ("number",), run=lambda v: v["number"] // 2), stages.stage("a", ("halved",))],
-        (*GIVEN, Resource("halved", by_value=True)),
+        runtime, [stages.stage("halved", ("number",), run=lambda v: v["number"] // 2.0), stages.stage("a", ("halved",))]
     )
     ran = []
     for number in (2, 3, 4):
@@ -239,73 +190,54 @@ def test_a_resource_may_change_by_its_value_alone(runtime: Runtime, stages: Reco
     assert ran == [["a"], [], ["a"]]
 
 
-def test_a_stage_on_demand_runs_for_an_output_too(runtime: Runtime, stages: Recorder) -> None:
-    graph = Graph(runtime, [stages.stage("map", ("number",), reuse="on demand")], GIVEN)
-    for _ in range(2):
-        assert graph.run({"number": 1}, ["map"]).values["map"] == 2
-    assert stages.since() == ["map", "map"]
-
-
 def test_a_given_resource_changes_by_its_key(runtime: Runtime, stages: Recorder) -> None:
     class Thing:
         key = 3
 
-    seen = Resource("thing", given=True, key=lambda thing: thing.key)
-    graph = Graph(runtime, [stages.stage("a", ("thing",), run=lambda v: v["thing"])], (seen,))
+    graph = Graph(runtime, [stages.stage("a", ("thing",), run=lambda v: v["thing"])])
     first = Thing()
     assert graph.run({"thing": first}, ["a"]).values["a"] is first
     assert graph.run({"thing": Thing()}, ["a"]).values["a"] is first
 
 
 def test_a_hint_is_no_reason_to_run_again(runtime: Runtime, stages: Recorder) -> None:
-    graph = Graph(
-        runtime,
-        [stages.stage("proof", ("other",)), stages.stage("a", ("number",), hints=("proof",))],
-        (*GIVEN, Resource("other", given=True)),
-    )
+    graph = Graph(runtime, [stages.stage("proof", ("other",)), stages.stage("a", ("number",), hints=("proof",))])
     for other in (1, 2):
         graph.run({"number": 1, "other": other}, ["a"])
     assert stages.since() == ["proof", "a", "proof"]
 
 
-def test_a_stage_on_demand_runs_with_those_that_read_it_alone(runtime: Runtime, stages: Recorder) -> None:
+def test_a_stage_on_demand_runs_with_its_readers_and_as_an_output(runtime: Runtime, stages: Recorder) -> None:
     graph = Graph(
         runtime,
         [
-            stages.stage("map", ("number",), reuse="on demand"),
+            stages.stage("map", ("number",), on_demand=True),
             stages.stage("a", ("map",)),
             stages.stage("b", ("map", "other")),
         ],
-        (*GIVEN, Resource("other", given=True)),
     )
 
-    def run(number: int, other: int) -> list[str]:
-        log = graph.run({"number": number, "other": other}, ["a", "b"]).log
-        assert (log.runs["map"].state == "ran") == ("map" in stages.ran)
+    def run(number: int, other: int, *outputs: str) -> list[str]:
+        record = graph.run({"number": number, "other": other}, outputs or ("a", "b")).record
+        assert (record.stages[0].state == "ran") == ("map" in stages.ran)
         return stages.since()
 
     assert run(1, 1) == ["map", "a", "b"]
     assert run(1, 1) == []
     assert run(1, 2) == ["map", "b"]
     assert run(2, 2) == ["map", "a", "b"], "what the map is made of changed"
-
-
-def test_a_stage_of_every_frame_makes_its_readers_run(runtime: Runtime, stages: Recorder) -> None:
-    graph = Graph(runtime, [stages.stage("a", ("number",), reuse="every frame"), stages.stage("b", ("a",))], GIVEN)
-    for _ in range(2):
-        graph.run({"number": 1}, ["b"])
-    assert stages.since() == ["a", "b", "a", "b"]
+    assert run(2, 2, "map") == ["map"], "it is an output"
 
 
 def test_a_stage_that_fails_is_made_again(runtime: Runtime, stages: Recorder) -> None:
     fails = [False]
 
-    def run(values: Values) -> int:
+    def run(values: Declared) -> int:
         if fails[0]:
             raise RuntimeError("no")
         return values["number"] + 10 * len(fails)
 
-    graph = Graph(runtime, [stages.stage("a", ("number",), run=run), stages.stage("b", ("a",))], GIVEN)
+    graph = Graph(runtime, [stages.stage("a", ("number",), run=run), stages.stage("b", ("a",))])
     assert graph.run({"number": 1}, ["b"]).values["b"] == 12
     fails[0] = True
     assert graph.run({"number": 1}, ["b"]).values["b"] == 12, "it need not run"
@@ -328,10 +260,9 @@ def test_the_record_says_how_long_each_resource_is_needed(runtime: Runtime, stag
             stages.stage("d", ("c",), run=lambda v: 1),
             stages.stage("e", ("a",)),
         ],
-        GIVEN,
     )
-    log = graph.run({"number": 1}, ["d"], also=["b"]).log
-    found = {r.name: (r.first, r.last, r.device_bytes) for r in log.record().resources}
+    resources = graph.run({"number": 1}, ["d"], also=["b"]).record.resources
+    found = {r.name: (r.first, r.last, r.device_bytes) for r in resources}
     plane = device_bytes(runtime.plane(2, (4, 5)))
     assert plane > 2 * 4 * 5 * 4
     assert found == {
@@ -342,10 +273,10 @@ def test_the_record_says_how_long_each_resource_is_needed(runtime: Runtime, stag
         "d": ("d", "d", 0),
         "e": (None, None, None),
     }
-    assert {r.name for r in log.record().resources if r.output} == {"b", "d"}
+    assert {r.name for r in resources if r.output} == {"b", "d"}
 
 
-def frame_and_record(runtime: Runtime, change: Callable[[list[Any]], None] | None = None) -> Any:
+def renderer_and_frame(runtime: Runtime) -> tuple[Renderer, Any]:
     built = BUILTIN_SCENES["cornell_box"]()
     renderer = Renderer(runtime, (48, 64), FrameParams(bounces=0, ao=GtaoParams(radius=0.3), shadow_size=32))
     camera = Camera.look_at(built.eye, built.target, yfov=built.yfov, width=64, height=48)
@@ -353,19 +284,10 @@ def frame_and_record(runtime: Runtime, change: Callable[[list[Any]], None] | Non
 
 
 def test_a_frame_has_its_graph(runtime: Runtime) -> None:
-    renderer, frame = frame_and_record(runtime)
+    renderer, frame = renderer_and_frame(runtime)
     stages = {stage.name: stage for stage in frame.graph.stages}
-    assert list(stages) == [
-        "G-buffer",
-        "gtao",
-        "shadow maps",
-        "direct light",
-        "combine",
-        "blended layers",
-        "read-back",
-        "exposure",
-        "picture",
-    ]
+    lit = ["G-buffer", "gtao", "shadow maps", "direct light", "combine", "blended layers"]
+    assert list(stages) == [*lit, "read-back", "exposure", "picture"]
     assert {stage.state for stage in stages.values()} == {"ran"}
     assert stages["G-buffer"].ms == sum(p.ms for p in stages["G-buffer"].passes) > 0.0
     ran = [p for stage in frame.graph.stages for p in stage.passes]
@@ -386,22 +308,11 @@ def test_a_renderer_has_a_graph_before_its_first_frame(runtime: Runtime) -> None
 
 
 def test_the_record_is_written_as_json_dot_and_mermaid(runtime: Runtime) -> None:
-    record = frame_and_record(runtime)[1].graph
+    record = renderer_and_frame(runtime)[1].graph
     text = json.loads(record.to_json())
     assert set(text) == {"device", "outputs", "memory", "stages", "resources"}
-    assert set(text["stages"][0]) == {
-        "name",
-        "state",
-        "why",
-        "ms",
-        "host_ms",
-        "latest_ms",
-        "reads",
-        "hints",
-        "writes",
-        "passes",
-        "skips",
-    }
+    keys = {"name", "state", "why", "ms", "host_ms", "latest_ms", "reads", "hints", "writes", "passes", "skips"}
+    assert set(text["stages"][0]) == keys
     assert {"name": "G-buffer", "first": "G-buffer", "last": "picture", "kept": True}.items() <= (
         next(r for r in text["resources"] if r["name"] == "G-buffer").items()
     )
@@ -411,31 +322,21 @@ def test_the_record_is_written_as_json_dot_and_mermaid(runtime: Runtime) -> None
     assert drawn[0] == "flowchart TD"
     assert sum(" --> " in line or " -.-> " in line for line in drawn) == dot.count(" -> ")
     for number, stage in enumerate(record.stages):
-        assert any(line.startswith(f'  s{number}["{stage.name}<br>') for line in drawn)
+        assert any(re.match(rf'  (subgraph )?s{number}\["{stage.name}<br>', line) for line in drawn)
     for number, each in enumerate(record.resources):
         assert any(line.startswith(f'  r{number}(["{each.name}') for line in drawn)
 
 
-# ---- a stage more
+def test_a_stage_of_much_time_is_drawn_as_a_group_of_its_kernels() -> None:
+    def stage(name: str, *passes: tuple[str, float]) -> StageRecord:
+        own = tuple(PassTime(*each) for each in passes)
+        return StageRecord(name, "ran", "", 0.0, None, (), (), (), own, ())
 
-
-def test_a_new_stage_is_one_record(runtime: Runtime) -> None:
-    """How much of the image shows anything, from the G-buffer: in no other place than here."""
-
-    def covered(values: Values) -> float:
-        return float(np.isfinite(values[GBUFFER].depth.download()[0]).mean())
-
-    coverage = Stage(name="coverage", reads=(GBUFFER,), writes=("coverage",), run=covered)
-    built = BUILTIN_SCENES["cornell_box"]()
-    renderer = Renderer(runtime, (48, 64), FrameParams(bounces=0, ao=False, shadow_size=32))
-    inner = renderer._graph
-    graph = Graph(runtime, [coverage, *inner.stages], tuple(inner.resources.values()))
-    camera = Camera.look_at(built.eye, built.target, yfov=built.yfov, width=64, height=48)
-    given = {"scene": built.scene, "camera": camera, "lights": (), "multi_bounce": False}
-    run = graph.run(given, ["coverage"])
-    depth = renderer(built.scene, camera, (), gbuffer=True).gbuffer.depth
-    assert run.values["coverage"] == np.isfinite(np.asarray(depth)).mean()
-    states = {stage.name: stage.state for stage in run.log.record().stages}
-    assert [name for name, state in states.items() if state == "ran"] == ["G-buffer", "coverage"]
-    again = graph.run(given, ["coverage"])
-    assert again.log.runs["coverage"].state == "reused"
+    gather, blur = stage("gather", ("shade", 5.0), ("cut", 1.0), ("shade", 1.0)), stage("blur", ("blur", 3.0))
+    nothing: frozenset[str] = frozenset()
+    record = GraphRecord("device", (), (gather, blur), {}, {}, nothing, nothing, nothing)
+    assert record.boxes(gather) == ["shade x 2\n6.00 ms, 60%", "cut\n1.00 ms, 10%"]
+    assert record.boxes(blur) == ["blur\n3.00 ms, 30%"], "it is one kernel"
+    assert record.boxes(stage("small", ("a", 1.0), ("b", 1.0))) == ["small\n2.00 ms, 20%"]
+    assert 'subgraph cluster_0 { label="gather\\n7.00 ms, 70%";' in record.to_dot()
+    assert '  subgraph s0["gather<br>7.00 ms, 70%"]' in record.to_mermaid()

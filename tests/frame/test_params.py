@@ -1,11 +1,14 @@
-"""Parameters are resources of the frame graph: what reads none that changed is reused."""
+"""Parameters of frames: their checks, their defaults, and that only stages that read a changed one run."""
 
 from __future__ import annotations
 
 from typing import Any
 
+import pytest
+
 import ssgi_cl as gi
 from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.frame.params import PRESETS, FrameParams, WholeFrameParams
 from ssgi_cl.rasterize.scenes import make_scene
 
 
@@ -15,7 +18,7 @@ def test_another_radius_runs_occlusion_and_what_reads_it(runtime: Runtime) -> No
     lights = [*view.lights, gi.Environment((0.3, 0.4, 0.5))]
 
     def states(radius: float) -> dict[str, str]:
-        frame: Any = gi.render(
+        frame = gi.render(
             view.scene,
             camera,
             lights,
@@ -27,7 +30,7 @@ def test_another_radius_runs_occlusion_and_what_reads_it(runtime: Runtime) -> No
             exposure=1.0,
             runtime=runtime,
         )
-        return {name: run.state for name, run in frame._log.runs.items()}
+        return {stage.name: stage.state for stage in frame.graph.stages}
 
     states(0.3)
     same = states(0.3)
@@ -36,3 +39,33 @@ def test_another_radius_runs_occlusion_and_what_reads_it(runtime: Runtime) -> No
     for name in ("G-buffer", "direct light", "bounce"):
         assert other[name] == "reused", name
     assert other["gtao"] == other["combine"] == "ran"
+
+
+@pytest.mark.parametrize(
+    ("params", "given", "error", "message"),
+    [
+        (FrameParams, {"bounces": -1}, ValueError, r"bounces is -1: expected .* 0"),
+        (FrameParams, {"bounces": 1.5}, TypeError, r"bounces is 1\.5: expected an integer"),
+        (FrameParams, {"bounces": "some"}, ValueError, r"bounces is 'some': expected .*'all'"),
+        (FrameParams, {"preset": "best"}, ValueError, r"preset is 'best': expected .*'low'.*'ultra'"),
+        (FrameParams, {"bounces": 0, "preset": "low"}, ValueError, r"preset is 'low': expected None without bounces"),
+        (FrameParams, {"bounces": 2, "indirect": "vpl"}, ValueError, r"bounces is 2: expected None or 0 with indirect"),
+        (FrameParams, {"layers": 0}, ValueError, r"layers is 0: expected an integer >= 1 and <= 16"),
+        (WholeFrameParams, {"vpls": -5}, ValueError, r"vpls is -5: expected an integer >= 16 and <= 65536"),
+        (WholeFrameParams, {"surfels": 0}, ValueError, r"surfels is 0: expected an integer"),
+        (WholeFrameParams, {"error": -1}, ValueError, r"error is -1: expected a number"),
+        (WholeFrameParams, {"bounces": 0}, ValueError, r"bounces is 0: expected an integer >= 1 and <= 1000 \(reflec"),
+    ],
+    ids=str,
+)
+def test_bad_parameters_are_refused(params: Any, given: dict[str, Any], error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        params(**given)
+
+
+def test_arguments_choose_the_whole_picture_or_a_technique() -> None:
+    assert FrameParams().whole == PRESETS["high"]()
+    for given in ({"bounces": 0}, {"indirect": "multires"}, {"indirect": False}):
+        assert FrameParams(**given).whole is None
+    assert FrameParams(bounces=1, preset="low").whole == PRESETS["low"](1)
+    assert FrameParams(preset=WholeFrameParams.low(2)).whole == PRESETS["low"](2)

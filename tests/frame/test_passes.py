@@ -1,8 +1,7 @@
-"""Passes of a frame: they touch what they declare, one more is one record, defaults are one set."""
+"""Passes of a frame: declared resources, a pass more, and one set of defaults."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -12,12 +11,12 @@ import ssgi_cl as gi
 from ssgi_cl.core.scene_parts import scene_parts
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.graph import Graph
-from ssgi_cl.frame.params import PRESETS, FrameParams, WholeFrameParams
+from ssgi_cl.frame.params import FrameParams
 from ssgi_cl.frame.passes.build import Build
-from ssgi_cl.frame.passes.resources import INDIRECT, RESOURCES
+from ssgi_cl.frame.passes.resources import INDIRECT
 from ssgi_cl.frame.passes.tonemap import pixels
 from ssgi_cl.frame.pipeline import PIPELINES
-from ssgi_cl.frame.stage import Resource, Stage, Values
+from ssgi_cl.frame.stage import Declared, Stage
 from ssgi_cl.rasterize.scenes import make_scene
 
 BOX = make_scene("cornell_box")
@@ -25,26 +24,15 @@ CAMERA = BOX.camera(48, 36)
 
 
 def test_a_pass_reads_what_it_declares_alone(runtime: Runtime) -> None:
-    def run(values: Values) -> Any:
-        return look_up(values, name)
+    def run(values: Declared) -> Any:
+        return values[name]
 
-    graph = Graph(
-        runtime,
-        [Stage(name="a", reads=("number",), writes=("sum",), run=run)],
-        [Resource("number", given=True), Resource("other", given=True)],
-        keep=False,
-    )
-    ways: tuple[Callable[[Values, str], Any], ...] = (
-        lambda values, name: values[name],
-        lambda values, name: values.get(name),
-    )
-    for way in ways:
-        look_up = way
-        name = "number"
-        assert graph.run({"number": 1, "other": 2}, ["sum"]).values["sum"] == 1
-        name = "other"
-        with pytest.raises(LookupError, match=r"stage 'a' asks for 'other', which it does not declare: .* 'number'$"):
-            graph.run({"number": 1, "other": 2}, ["sum"])
+    graph = Graph(runtime, [Stage(name="a", reads=("number",), writes=("sum",), run=run)], keep=False)
+    name = "number"
+    assert graph.run({"number": 1, "other": 2}, ["sum"]).values["sum"] == 1
+    name = "other"
+    with pytest.raises(LookupError, match=r"stage 'a' asks for 'other', which it does not declare: .* 'number'$"):
+        graph.run({"number": 1, "other": 2}, ["sum"])
 
 
 def indirect_only(build: Build) -> Stage:
@@ -69,10 +57,9 @@ def test_a_new_pass_is_one_record_and_one_line_of_the_list(runtime: Runtime) -> 
         "multi_bounce": False,
         "parameters of occlusion": occlusion,
     }
-    run = Graph(runtime, passes, RESOURCES).run(given, ["indirect only"])
-    assert frame.indirect is not None
+    run = Graph(runtime, passes).run(given, ["indirect only"])
     np.testing.assert_array_equal(run.values["indirect only"], frame.indirect / np.pi)
-    states = {each.name: each.state for each in run.log.record().stages}
+    states = {each.name: each.state for each in run.record.stages}
     assert states["gtao"] == states["combine"] == states["picture"] == "culled"
 
 
@@ -84,25 +71,7 @@ def test_a_renderer_has_the_defaults_of_render(runtime: Runtime, given: dict[str
     np.testing.assert_array_equal(other.image, frame.image)
 
 
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"vpls": -5}, r"vpls is -5: expected an integer >= 16 and <= 65536"),
-        ({"surfels": 0}, r"surfels is 0: expected an integer"),
-        ({"error": -1}, r"error is -1: expected a number"),
-        ({"bounces": 0}, r"bounces is 0: expected an integer >= 1 and <= 1000 \(reflections\)"),
-    ],
-    ids=str,
-)
-def test_parameters_of_the_whole_picture_are_checked(given: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        WholeFrameParams(**given)
-
-
-def test_parameters_of_frames_are_checked_and_presets_are_constructors(runtime: Runtime) -> None:
-    with pytest.raises(ValueError, match=r"layers is 0: expected an integer >= 1 and <= 16"):
-        FrameParams(layers=0)
-    assert FrameParams(preset=WholeFrameParams.low(2)).whole() == PRESETS["low"](2)
+def test_a_renderer_takes_parameters_of_its_shape_alone(runtime: Runtime) -> None:
     renderer = gi.Renderer(runtime, CAMERA.size, FrameParams(bounces=0, shadow_size=32))
     with pytest.raises(ValueError, match="Renderer was prepared for"):
         renderer.params = FrameParams(bounces=0, shadow_size=64)

@@ -1,8 +1,9 @@
-"""The whole pipeline: what a frame holds, what it skips, and that it repeats."""
+"""Frames of `render`: their arrays, skipped passes, repetition, arguments."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,8 @@ from ssgi_cl.techniques.ao.ssao import SsaoParams
 from ssgi_cl.techniques.catalogue import TECHNIQUES
 from ssgi_cl.techniques.filters.tonemap import auto_exposure
 
+from .scenes import halves, scene_of
+
 SUN = DirectionalLight((-0.3, -1.0, -0.4), (3.0, 2.8, 2.5))
 SKY = Environment((0.4, 0.5, 0.7))
 LAMP = PointLight((0.3, 1.2, 0.4), (1.0, 0.8, 0.6))
@@ -34,25 +37,11 @@ LIGHTS: tuple[Light, ...] = (SUN, SKY, LAMP, SPOT)
 @pytest.fixture(scope="module")
 def small() -> Scene:
     """A floor with a wall on it, of which the wall glows a little."""
-    positions = [
-        [-1, 0, -1],
-        [-1, 0, 1],
-        [1, 0, 1],
-        [1, 0, -1],
-        [-0.5, 0, -0.2],
-        [0.5, 0, -0.2],
-        [0.5, 0.6, -0.2],
-        [-0.5, 0.6, -0.2],
-    ]
-    return Scene(
-        positions=np.array(positions, np.float32),
-        normals=np.array([[0, 1, 0]] * 4 + [[0, 0, 1]] * 4, np.float32),
-        uvs=np.zeros((8, 2), np.float32),
-        colors=np.ones((8, 3), np.float32),
-        triangles=np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]], np.int32),
-        material_ids=np.array([0, 0, 1, 1], np.int32),
-        materials=(Material(), Material(albedo=(0.6, 0.2, 0.2), emission=(0.02, 0.0, 0.01))),
-    )
+    floor = [[-1, 0, -1], [-1, 0, 1], [1, 0, 1], [1, 0, -1]]
+    wall = [[-0.5, 0, -0.2], [0.5, 0, -0.2], [0.5, 0.6, -0.2], [-0.5, 0.6, -0.2]]
+    glowing = Material(albedo=(0.6, 0.2, 0.2), emission=(0.02, 0.0, 0.01))
+    scene = scene_of(floor + wall, halves([(0, 1, 2, 3), (4, 5, 6, 7)]), Material(), glowing, ids=[0, 0, 1, 1])
+    return replace(scene, normals=np.array([[0, 1, 0]] * 4 + [[0, 0, 1]] * 4, np.float32))
 
 
 def viewer(width: int = 64, height: int = 48) -> Camera:
@@ -82,9 +71,7 @@ def test_frame_holds_arrays_of_the_documented_shape_and_type(runtime: Runtime, s
     frame = render(small, viewer(), LIGHTS, bounces=0, gbuffer=True, shadow_size=128, runtime=runtime)
     assert (frame.image.shape, frame.image.dtype) == ((48, 64, 3), np.uint8)
     assert (frame.radiance.shape, frame.radiance.dtype) == ((48, 64, 3), np.float32)
-    assert frame.ao is not None
     assert (frame.ao.shape, frame.ao.dtype) == ((48, 64), np.float32)
-    assert frame.gbuffer is not None
     assert frame.gbuffer.size == (48, 64)
     assert frame.exposure > 0.0
     assert frame.wall_ms > 0.0
@@ -130,7 +117,6 @@ def test_builtin_scene_renders_without_holes(runtime: Runtime, name: str) -> Non
 def test_radiance_is_that_of_the_float64_references_of_the_frames_own_inputs(runtime: Runtime, small: Scene) -> None:
     camera = viewer()
     frame = render(small, camera, LIGHTS, bounces=0, gbuffer=True, shadow_size=1024, runtime=runtime)
-    assert frame.gbuffer is not None
     assert frame.ao is not None
     rsms = [
         None if isinstance(light, Environment) else gi.rasterize.rsm(small, light, size=1024, runtime=runtime)
@@ -148,7 +134,6 @@ def test_radiance_is_that_of_the_float64_references_of_the_frames_own_inputs(run
 def test_gbuffer_is_that_of_the_rasteriser(runtime: Runtime, small: Scene) -> None:
     frame = render(small, viewer(), [SKY], bounces=0, gbuffer=True, layers=2, overscan=0.1, runtime=runtime)
     expected = gi.rasterize.gbuffer(small, viewer(), layers=2, overscan=0.1, runtime=runtime)
-    assert frame.gbuffer is not None
     assert frame.gbuffer.layers == 2
     assert frame.gbuffer.margin == (5, 7)
     for name in ("depth", "normal", "albedo", "emission"):
@@ -179,12 +164,9 @@ def test_ao_is_left_out_if_not_asked_for(runtime: Runtime, small: Scene) -> None
     assert frame.ao is None
     assert frame.gbuffer is None
     assert not {"ssao", "gtao"} & {p.name for p in frame.passes}
-
-
-def test_skipped_ao_gives_bit_identical_results_as_none(runtime: Runtime, small: Scene) -> None:
-    a = render(small, viewer(), [SUN], bounces=0, shadow_size=64, runtime=runtime)
-    b = render(small, viewer(), [SUN], bounces=0, ao=False, shadow_size=64, runtime=runtime)
-    np.testing.assert_array_equal(a.radiance, b.radiance)
+    given: dict[str, Any] = {"bounces": 0, "shadow_size": 64, "runtime": runtime}
+    skipped, none = (render(small, viewer(), [SUN], ao=ao, **given).radiance for ao in (True, False))
+    np.testing.assert_array_equal(skipped, none)
 
 
 def test_light_that_emits_nothing_draws_no_shadow_map(runtime: Runtime, small: Scene) -> None:
@@ -199,7 +181,6 @@ def test_light_that_emits_nothing_draws_no_shadow_map(runtime: Runtime, small: S
 
 def test_no_light_leaves_what_glows_by_itself(runtime: Runtime, small: Scene) -> None:
     frame = render(small, viewer(), [], bounces=0, gbuffer=True, runtime=runtime)
-    assert frame.gbuffer is not None
     np.testing.assert_array_equal(frame.radiance, np.asarray(frame.gbuffer.emission))
     assert frame.radiance.any()
 
@@ -214,8 +195,6 @@ def test_ao_is_that_of_the_technique_with_the_gbuffers_layers_and_margin(
     frame = render(
         small, viewer(), [SKY], bounces=0, ao=name, ao_radius=0.3, layers=2, overscan=0.1, gbuffer=True, runtime=runtime
     )
-    assert frame.gbuffer is not None
-    assert frame.ao is not None
     by_hand = TECHNIQUES[name].function(frame.gbuffer, radius=0.3, runtime=runtime)
     np.testing.assert_array_equal(frame.ao, by_hand)
     assert frame.ao.min() < 0.9
@@ -245,8 +224,6 @@ def test_indirect_light_brightens_what_the_light_does_not_reach(
     direct = box(variant_runtime, layers=options.get("layers", 1))
     frame = box(variant_runtime, gbuffer=True, **options)
     assert direct.indirect is None
-    assert frame.indirect is not None
-    assert frame.gbuffer is not None
     dark = np.isfinite(frame.gbuffer.first("depth")) & ~direct.radiance.any(axis=-1)
     assert dark.mean() > 0.1
     assert (frame.radiance[dark].max(axis=-1) > 0.0).mean() > 0.9
@@ -259,8 +236,6 @@ def test_indirect_light_brightens_what_the_light_does_not_reach(
 def test_indirect_light_is_that_of_vpls_shot_by_hand(runtime: Runtime, layers: int) -> None:
     frame = box(runtime, indirect="vpl", vpls=300, layers=layers, gbuffer=True)
     built = BUILTIN_SCENES["cornell_box"]()
-    assert frame.indirect is not None
-    assert frame.gbuffer is not None
     by_hand = gi.vpl_splat(
         frame.gbuffer,
         gi.rasterize.rsm(built.scene, built.lights[0], size=128, runtime=runtime),
@@ -291,8 +266,6 @@ def test_near_light_is_that_of_ssdo_by_hand(runtime: Runtime, layers: int, overs
         gbuffer=True,
         runtime=runtime,
     )
-    assert frame.gbuffer is not None
-    assert frame.indirect is not None
     assert frame.ao is None
     assert skipped(frame)["ambient occlusion"] == "ssdo hides ambient light by itself"
     rsm = gi.rasterize.rsm(built.scene, built.lights[0], size=128, runtime=runtime)
@@ -313,8 +286,6 @@ def test_near_light_is_that_of_ssdo_by_hand(runtime: Runtime, layers: int, overs
 
 def test_auxiliary_cameras_show_ssdo_more_that_sends_light(runtime: Runtime) -> None:
     few, more = (box(runtime, indirect="ssdo", ao_radius=0.5, auxiliary_cameras=count) for count in (0, 2))
-    assert few.indirect is not None
-    assert more.indirect is not None
     assert more.indirect.mean() > 1.005 * few.indirect.mean()
     assert names(more).count("ssdo_views") == 2
     again = box(runtime, indirect="ssdo", ao_radius=0.5, auxiliary_cameras=2)
@@ -324,7 +295,6 @@ def test_auxiliary_cameras_show_ssdo_more_that_sends_light(runtime: Runtime) -> 
 def test_indirect_light_of_several_lights_is_the_sum_of_theirs(runtime: Runtime, small: Scene) -> None:
     def bounced(lights: list[Light], way: str) -> float:
         frame = render(small, viewer(), lights, indirect=way, vpls=4096, shadow_size=128, runtime=runtime)
-        assert frame.indirect is not None
         return float(frame.indirect.mean(dtype=float))
 
     # The samples are shared among the lights: measured 2.7 % (vpl, whose lights share shadow rays)
@@ -351,7 +321,6 @@ def test_all_triangles_block_reflected_light_whatever_layers_there_are(runtime: 
     built = BUILTIN_SCENES["cornell_box"]()
     seen = gi.rasterize.rsm(built.scene, built.lights[0], size=128, runtime=runtime)
     free = gi.vpl_splat(one.gbuffer, seen, 1024, 0.0, runtime=runtime)
-    assert one.indirect is not None
     np.testing.assert_array_equal(one.indirect, two.indirect)
     # Light that walls let through is 15 to 19 % more, by paths too.
     assert 0.78 < one.indirect.mean() / free.mean() < 0.92
@@ -370,7 +339,6 @@ def test_a_light_that_lights_nothing_leaves_the_light_of_the_others(runtime: Run
     alone = render(small, viewer(), [LAMP], bounces=0, **options)
     both = render(small, viewer(), [LAMP, away], bounces=0, **options)
     assert alone.indirect is not None
-    assert both.indirect is not None
     assert skipped(both)["bounce spot"] == "it lights nothing that reflects"
     np.testing.assert_array_equal(alone.indirect, both.indirect)
     nothing = render(small, viewer(), [away], bounces=0, **options)
@@ -378,36 +346,22 @@ def test_a_light_that_lights_nothing_leaves_the_light_of_the_others(runtime: Run
     assert not any(name.startswith(("vpl", "multires", "rsm gather")) for name in names(nothing))
 
 
+# ---- repeating
+
+
 @pytest.mark.parametrize(
-    "options", [{"indirect": "multires"}, {"indirect": "vpl", "layers": 2}, {"indirect": "gather"}], ids=str
+    "options", [{}, {"indirect": "multires"}, {"indirect": "vpl", "layers": 2}, {"indirect": "gather"}], ids=str
 )
-def test_frames_with_indirect_light_repeat_and_allocate_nothing(
-    runtime: Runtime, small: Scene, options: dict[str, Any]
-) -> None:
-    given = {"shadow_size": 64, "runtime": runtime, **options}
+def test_frames_repeat_and_allocate_nothing(runtime: Runtime, small: Scene, options: dict[str, Any]) -> None:
+    given = {"shadow_size": 64, "gbuffer": True, "runtime": runtime, **options}
     first = render(small, viewer(), LIGHTS, bounces=0, **given)
     before = runtime.allocated_bytes, runtime.builds
     again = render(small, viewer(), LIGHTS, bounces=0, **given)
     assert (runtime.allocated_bytes, runtime.builds) == before
-    assert first.indirect is not None
-    assert again.indirect is not None
-    np.testing.assert_array_equal(first.indirect, again.indirect)
-    np.testing.assert_array_equal(first.image, again.image)
-
-
-# ---- repeating
-
-
-def test_two_frames_have_bit_identical_results(runtime: Runtime, small: Scene) -> None:
-    a, b = (
-        render(small, viewer(), LIGHTS, bounces=0, gbuffer=True, shadow_size=128, runtime=runtime) for _ in range(2)
-    )
-    assert a.ao is not None
-    assert b.ao is not None
-    np.testing.assert_array_equal(a.image, b.image)
-    np.testing.assert_array_equal(a.radiance, b.radiance)
-    np.testing.assert_array_equal(a.ao, b.ao)
-    assert a.exposure == b.exposure
+    assert (first.indirect is not None) == bool(options)
+    for name in ("image", "radiance", "ao", "indirect"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(first, name))
+    assert again.exposure == first.exposure
 
 
 def test_steady_frames_allocate_no_device_memory_and_compile_nothing(runtime: Runtime, small: Scene) -> None:
@@ -421,13 +375,6 @@ def test_steady_frames_allocate_no_device_memory_and_compile_nothing(runtime: Ru
         frame = renderer(small, moved, LIGHTS)
         if step == 0:
             np.testing.assert_array_equal(frame.image, first.image)
-    assert (runtime.allocated_bytes, runtime.builds) == before
-
-
-def test_render_prepares_once_for_the_same_size_and_settings(runtime: Runtime, small: Scene) -> None:
-    render(small, viewer(), LIGHTS, bounces=0, shadow_size=128, runtime=runtime)
-    before = runtime.allocated_bytes, runtime.builds
-    render(small, viewer(), LIGHTS, bounces=0, shadow_size=128, runtime=runtime)
     assert (runtime.allocated_bytes, runtime.builds) == before
 
 
@@ -461,16 +408,7 @@ def test_every_kernel_variant_draws_the_same_picture(runtime: Runtime, variant_r
 
 def test_far_from_the_origin_the_picture_is_the_same(runtime: Runtime, small: Scene) -> None:
     shift = np.array([1e6, -2e6, 5e5])
-    moved = Scene(
-        origin=shift,
-        positions=small.positions,
-        normals=small.normals,
-        uvs=small.uvs,
-        colors=small.colors,
-        triangles=small.triangles,
-        material_ids=small.material_ids,
-        materials=small.materials,
-    )
+    moved = replace(small, origin=shift)
     lights: list[Light] = [
         SUN,
         SKY,
@@ -497,14 +435,7 @@ def test_exposure_and_curve_are_those_given(runtime: Runtime, small: Scene) -> N
 
 @pytest.mark.parametrize("power", [1e-6, 1e6])
 def test_automatic_exposure_undoes_the_brightness_of_the_light(runtime: Runtime, small: Scene, power: float) -> None:
-    dull = Scene(
-        positions=small.positions,
-        normals=small.normals,
-        uvs=small.uvs,
-        colors=small.colors,
-        triangles=small.triangles,
-        material_ids=np.zeros(4, np.int32),
-    )
+    dull = replace(small, material_ids=np.zeros(4, np.int32))
     a = render(dull, viewer(), [SKY], bounces=0, runtime=runtime)
     b = render(dull, viewer(), [Environment(power * np.asarray(SKY.radiance))], bounces=0, runtime=runtime)
     assert np.abs(a.image.astype(int) - b.image).max() <= 1  # a value may round to the next

@@ -13,7 +13,7 @@ from click.testing import CliRunner, Result
 import ssgi_cl as gi
 from ssgi_cl.cli.command import main
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.frame.params import bounce_methods, bounce_params
+from ssgi_cl.frame.params import FrameParams, bounce_methods
 from ssgi_cl.io import exr
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.techniques.multires import multires_splat as multires
@@ -42,14 +42,9 @@ def rendered(runtime: Runtime, **options: Any) -> gi.Frame:
 def test_render_gives_the_light_of_the_method_asked_for(runtime: Runtime, indirect: str) -> None:
     frame = rendered(runtime, indirect=indirect, method="published")
     own = rendered(runtime, indirect=indirect)
-    assert frame.indirect is not None
-    assert own.indirect is not None
-    assert frame.gbuffer is not None
     made = BUILTIN_SCENES["cornell_box"]()
-    punctual_lights = [light for light in made.lights if not isinstance(light, gi.Environment)]
-    maps = [
-        gi.rasterize.rsm(made.scene, punctual_light, size=64, runtime=runtime) for punctual_light in punctual_lights
-    ]
+    lights = [light for light in made.lights if not isinstance(light, gi.Environment)]
+    maps = [gi.rasterize.rsm(made.scene, light, size=64, runtime=runtime) for light in lights]
     function: Any = gi.multires_splat if indirect == "multires" else gi.rsm_gather
     wanted = function(frame.gbuffer, maps, method="published", runtime=runtime)
     # Positions of the maps' texels round differently on their way through host memory.
@@ -57,22 +52,27 @@ def test_render_gives_the_light_of_the_method_asked_for(runtime: Runtime, indire
     assert np.abs(frame.indirect - own.indirect).mean() > 1e-3 * wanted.mean()
 
 
+def bounce(name: str, method: str | None = None) -> Any:
+    """Return the parameters of a technique of one bounce in frames."""
+    return FrameParams(indirect=name, method=method).techniques(0.5)[1]
+
+
 def test_a_method_of_ssdo_comes_from_its_own_parameters() -> None:
     choices = bounce_methods("ssdo")
     assert set(choices) >= {"bitmask", "points"}
     for method in choices:
-        params = bounce_params("ssdo", 10, 1, 0.5, 0, method)
-        assert isinstance(params, gi.SsdoParams)
-        assert params.method == method
-    assert bounce_params("ssdo", 10, 1, 0.5) == bounce_params("ssdo", 10, 1, 0.5, 0, choices[0])
+        assert isinstance(bounce("ssdo", method), gi.SsdoParams)
+        assert bounce("ssdo", method).method == method
+        assert bounce("ssdo", method).radius == 0.5
+    assert bounce("ssdo") == bounce("ssdo", choices[0])
 
 
 def test_the_default_method_is_the_first() -> None:
     for name, methods in (("multires", multires.METHODS), ("gather", gather.METHODS)):
         assert bounce_methods(name) == tuple(methods)
         for method, kind in methods.items():
-            assert type(bounce_params(name, 10, 1, 0.5, 0, method)) is kind.params
-        assert type(bounce_params(name, 10, 1, 0.5)) is next(iter(methods.values())).params
+            assert type(bounce(name, method)) is kind.params
+        assert type(bounce(name)) is next(iter(methods.values())).params
 
 
 @pytest.mark.parametrize(
@@ -104,18 +104,8 @@ def ssgi(*arguments: object) -> Result:
 def test_ssgi_render_has_the_method(tmp_path: Path) -> None:
     size = ("--width", 48, "--height", 36, "--shadow-size", 64, "--rsm-size", 64)
     for indirect, name in (("multires", "subsplat_mip"), ("gather", "rsm_published_interpolate")):
-        result = ssgi(
-            "render",
-            "cornell_box",
-            *size,
-            "--indirect",
-            indirect,
-            "--method",
-            "published",
-            "-o",
-            tmp_path / "a.png",
-            "--json",
-        )
+        method = ("--indirect", indirect, "--method", "published")
+        result = ssgi("render", "cornell_box", *size, *method, "-o", tmp_path / "a.png", "--json")
         assert result.exit_code == 0, result.output
         assert name in {p["name"] for p in json.loads(result.stdout)["passes"]}
     failed = ssgi("render", "cornell_box", *size, "--indirect", "gather", "--method", "paper", "-o", tmp_path / "b.png")

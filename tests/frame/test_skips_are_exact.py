@@ -1,4 +1,4 @@
-"""What is left out changes no pixel: frames with all skips and with none, over changing arguments."""
+"""Exactness of skips: frames with all of them and with none, over changing arguments."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The whole picture: all bounces, the sky's visibility, emission; held to paths and furnaces."""
+"""The whole picture: all bounces, the sky's visibility, emission; compared with paths and furnaces."""
 
 from __future__ import annotations
 
@@ -14,35 +14,16 @@ import ssgi_cl as gi
 from ssgi_cl.bench.cases.vpl_lobes import polished
 from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.frame.params import PRESETS, cell_size, whole_params
+from ssgi_cl.frame.params import cell_size
 from ssgi_cl.rasterize.raster.rasterizer import Rasterizer
 from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.rasterize.scenes import make_scene
 
+from .scenes import cube, halves, inside, matt, scene_of
+
 Floats = NDArray[np.float32]
 
-QUADS = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
 SKY = gi.Environment((0.4, 0.6, 1.0))
-
-
-def cube(albedo: float, emission: float, *, sides: int = 6) -> Scene:
-    """Return a cube from -1 to 1, closed or without its last sides (+z and then -z)."""
-    corners = [[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
-    order = (QUADS[0], QUADS[1], QUADS[2], QUADS[3], QUADS[4], QUADS[5])
-    triangles = [t for a, b, c, d in order[:sides] for t in ((a, b, c), (a, c, d))]
-    return Scene(
-        positions=np.asarray(corners, np.float32),
-        normals=np.zeros((8, 3), np.float32),
-        uvs=np.zeros((8, 2), np.float32),
-        colors=np.ones((8, 3), np.float32),
-        triangles=np.asarray(triangles, np.int32),
-        material_ids=np.zeros(len(triangles), np.int32),
-        materials=(Material(albedo=(albedo,) * 3, emission=(emission,) * 3),),
-    )
-
-
-def inside(width: int = 80, height: int = 60) -> gi.Camera:
-    return gi.Camera.look_at((0.6, -0.2, 0.5), (-1.0, -0.3, -0.8), yfov=1.2, width=width, height=height)
 
 
 def radiance(scene: Scene, camera: gi.Camera, lights: Any, runtime: Runtime, **given: Any) -> Floats:
@@ -55,8 +36,12 @@ def radiance(scene: Scene, camera: gi.Camera, lights: Any, runtime: Runtime, **g
 @pytest.mark.parametrize("albedo", [0.5, 0.8])
 def test_a_closed_furnace_has_the_light_of_all_bounces(runtime: Runtime, albedo: float) -> None:
     # All surfaces emit L and reflect a share rho: everywhere L / (1 - rho).
-    found = radiance(cube(albedo, 1.0), inside(), [], runtime, ao=False) * (1.0 - albedo)
+    found = radiance(cube(albedo, 1.0), inside(80, 60), [], runtime, ao=False) * (1.0 - albedo)
     assert found.mean() == pytest.approx(1.0, abs=0.02)
+
+
+def test_cells_of_the_occupancy_grid() -> None:
+    assert cell_size(cube(0.5, 0.0)) == pytest.approx(2.0 / 122.0)
 
 
 def test_each_bounce_adds_its_share(runtime: Runtime) -> None:
@@ -64,7 +49,7 @@ def test_each_bounce_adds_its_share(runtime: Runtime) -> None:
     # bounces, emission is seen and lights nothing.
     scene = cube(0.5, 1.0)
     for bounces, expected in ((0, 1.0), (1, 1.75), (2, 1.875), (4, 1.96875)):
-        found = radiance(scene, inside(), [], runtime, ao=False, bounces=bounces)
+        found = radiance(scene, inside(80, 60), [], runtime, ao=False, bounces=bounces)
         assert found.mean() == pytest.approx(expected, rel=0.02), bounces
 
 
@@ -95,7 +80,7 @@ def test_the_default_frame_is_near_a_path_tracer(runtime: Runtime, name: str) ->
 
 def test_the_sky_is_hidden_at_any_distance(runtime: Runtime) -> None:
     # Through the one open side of a black cube; the radius of ambient occlusion is 3 % of it.
-    scene, camera = cube(0.5, 0.0, sides=5), inside()
+    scene, camera = cube(0.5, 0.0, sides=5), inside(80, 60)
     seen = radiance(scene, camera, [SKY], runtime, bounces=1)
     ambient = radiance(scene, camera, [SKY], runtime, bounces=0, ao_radius=0.06)
     direct = gi.truth.direct_light(scene, camera, [SKY], 64).mean * 0.5 / math.pi
@@ -114,7 +99,7 @@ def test_scene_light_is_kept_while_only_the_camera_moves(runtime: Runtime) -> No
     )
     gi.render(built.scene, first, built.lights, **given)
     frame = gi.render(built.scene, moved, built.lights, **given)
-    states = {name: run.state for name, run in frame._log.runs.items()}
+    states = {stage.name: stage.state for stage in frame.graph.stages}
     assert states["radiosity"] == "reused"
     assert states["bounce"] == "ran"
     # No environment: its stage costs nothing, and says why.
@@ -154,35 +139,6 @@ def test_a_closed_room_that_absorbs_nothing_is_refused_or_cut_off(runtime: Runti
     assert found.mean() == pytest.approx(5.0, rel=0.05)
 
 
-@pytest.mark.parametrize(
-    ("given", "error", "message"),
-    [
-        ((-1, None, None), ValueError, r"bounces is -1: expected .* 0"),
-        ((1.5, None, None), TypeError, r"bounces is 1\.5: expected an integer"),
-        (("some", None, None), ValueError, r"bounces is 'some': expected .*'all'"),
-        ((None, "best", None), ValueError, r"preset is 'best': expected .*'low'.*'ultra'"),
-        ((0, "low", None), ValueError, r"preset is 'low': expected None without bounces"),
-        ((2, None, "vpl"), ValueError, r"bounces is 2: expected None or 0 with indirect='vpl'"),
-    ],
-    ids=str,
-)
-def test_bad_arguments_are_refused(given: tuple[Any, Any, Any], error: type[Exception], message: str) -> None:
-    with pytest.raises(error, match=message):
-        whole_params(*given)
-
-
-def test_arguments_choose_the_whole_picture_or_a_technique() -> None:
-    assert whole_params(None, None, None) == PRESETS["high"]()
-    assert whole_params(0, None, None) is None
-    assert whole_params(None, None, "multires") is None
-    assert whole_params(None, None, False) is None
-    one = whole_params(1, "low", None)
-    assert one is not None
-    assert one.bounces == 1
-    assert one.vpls == PRESETS["low"]().vpls
-    assert cell_size(cube(0.5, 0.0)) == pytest.approx(2.0 / 122.0)
-
-
 def test_glossy_surfaces_mirror_what_paths_find(runtime: Runtime) -> None:
     """The Cornell box with a wall of metal, which shows the boxes and the wall across."""
     pytest.importorskip("mitsuba", reason="mitsuba is not installed (extra 'truth')")
@@ -195,7 +151,6 @@ def test_glossy_surfaces_mirror_what_paths_find(runtime: Runtime) -> None:
     found = gi.render(scene, camera, built.own_lights, outputs=("radiance",), runtime=runtime).radiance
     assert abs(float(found.mean() / truth.mean()) - 1.0) < 0.06
     drawn = gi.rasterize.gbuffer(scene, camera, runtime=runtime)
-    assert drawn.specular is not None
     mirrors = (np.asarray(drawn.specular) > 0.0).any(axis=-1)
     assert mirrors.mean() > 0.05
     off = np.abs(found - truth)[mirrors].mean() / truth[mirrors].mean()
@@ -206,15 +161,10 @@ def test_glossy_surfaces_mirror_what_paths_find(runtime: Runtime) -> None:
 @pytest.mark.parametrize("sun", [False, True])
 def test_a_glossy_wall_alone_reflects_sun_and_sky(runtime: Runtime, sun: bool, sky: bool) -> None:
     # No surface sees another, so that there are no surfels and, without the sun, no lights either.
-    corners = np.float32([[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]])
-    wall = Scene(
-        positions=corners,
-        normals=np.zeros((4, 3), np.float32),
-        uvs=corners[:, :2].copy(),
-        colors=np.ones((4, 3), np.float32),
-        triangles=np.int32([[0, 1, 2], [0, 2, 3]]),
-        material_ids=np.zeros(2, np.int32),
-        materials=(Material(albedo=(0.3,) * 3, specular=(0.5,) * 3, gloss=50.0),),
+    wall = scene_of(
+        [[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]],
+        halves([(0, 1, 2, 3)]),
+        Material(albedo=(0.3,) * 3, specular=(0.5,) * 3, gloss=50.0),
     )
     camera = gi.Camera.look_at((0, 0, 6), (0, 0, 0), yfov=0.2, width=61, height=47)
     lights = [
@@ -232,15 +182,8 @@ def test_what_is_not_seen_hides_the_sky_where_nothing_else_shines(runtime: Runti
     # A mirror before a black wall that stands behind the camera, and sends nothing.
     corners = np.float32([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
     points = np.concatenate([corners, corners * 4 + np.float32([0, 0, 8])])
-    room = Scene(
-        positions=points,
-        normals=np.zeros_like(points),
-        uvs=points[:, :2].copy(),
-        colors=np.ones_like(points),
-        material_ids=np.int32([0, 0, 1, 1]),
-        triangles=np.int32([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]]),
-        materials=(Material(albedo=(0.0,) * 3, specular=(0.5,) * 3, gloss=1e5), Material(albedo=(0.0,) * 3)),
-    )
+    mirror = Material(albedo=(0.0,) * 3, specular=(0.5,) * 3, gloss=1e5)
+    room = scene_of(points, halves([(0, 1, 2, 3), (4, 5, 6, 7)]), mirror, matt(0.0), ids=[0, 0, 1, 1])
     camera = gi.Camera.look_at((0, 0, 6), (0, 0, 0), yfov=0.2, width=61, height=47)
     found = radiance(room, camera, [gi.Environment(SKY.radiance)], runtime, ao=False)
     assert found[23, 30].max() < 0.05 * max(SKY.radiance), "the wall is black"

@@ -1,1 +1,1 @@
-"""The passes of a frame, one file each: what a pass reads, writes and runs, as a record (`Stage`)."""
+"""Passes of a frame, one file each: a function that returns its `Stage`."""

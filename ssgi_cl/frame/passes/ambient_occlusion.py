@@ -8,16 +8,19 @@ from ssgi_cl.core.lights import Environment, shines
 from ssgi_cl.device.arrays import Plane
 from ssgi_cl.frame.passes.build import Build
 from ssgi_cl.frame.passes.resources import AO, AO_PARAMS, GBUFFER, LIGHTS
-from ssgi_cl.frame.stage import Stage, Values
+from ssgi_cl.frame.stage import Declared, Stage, Values
 from ssgi_cl.techniques.catalogue import TECHNIQUES
 
 
 def ambient_occlusion(build: Build) -> list[Stage]:
-    """Return the pass, or none where nothing dims ambient light."""
+    """Return the pass, or none where the frame has no ambient occlusion. With SSDO it is idle, and says why."""
     params = build.techniques[0]
+    if build.ssdo is not None:
+        reason = "ssdo hides ambient light by itself"
+        return [Stage(name="ambient occlusion", writes=(AO,), run=lambda r: None, condition=lambda facts: reason)]
     if params is None:
         return []
-    name = next(name for name, entry in TECHNIQUES.items() if type(params) is entry.params)
+    name = build.params.ao_name or ""
     technique: Any = TECHNIQUES[name].technique(build.runtime, build.size, params, build.margin, build.params.layers)
     dark = "dark" in build.params.skips and build.params.kind != "whole" and not build.params.dims_indirect
 
@@ -27,7 +30,7 @@ def ambient_occlusion(build: Build) -> list[Stage]:
         lit = any(isinstance(light, Environment) and shines(light) for light in facts[LIGHTS])
         return None if lit else "no ambient light for it to dim"
 
-    def run(r: Values) -> Plane:
+    def run(r: Declared) -> Plane:
         technique.params = r[AO_PARAMS]
         found: Plane = technique.run(r[GBUFFER])
         return found

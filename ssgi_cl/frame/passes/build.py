@@ -1,15 +1,17 @@
-"""What all passes of a frame are prepared for."""
+"""Build: runtime, size, parameters and techniques that the passes of a frame share."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.frame.params import FrameParams
+from ssgi_cl.frame.params import FrameParams, WholeFrameParams
 from ssgi_cl.rasterize.raster.rasterizer import Rasterizer
+from ssgi_cl.techniques.direct.shade import Shade
+from ssgi_cl.techniques.ssdo.ssdo import Ssdo
 
 
 @dataclass(eq=False)
@@ -20,11 +22,17 @@ class Build:
         runtime: the device.
         size: (rows, columns) of the pictures.
         params: of the frame.
+        layer: whether the passes light layers that are seen through.
     """
 
     runtime: Runtime
     size: Size
     params: FrameParams
+    layer: bool = False
+
+    def for_layers(self) -> Build:
+        """Return the build of the passes of layers, with techniques and so memory of its own."""
+        return replace(self, layer=True)
 
     @property
     def margin(self) -> Size:
@@ -33,26 +41,40 @@ class Build:
 
     @cached_property
     def techniques(self) -> tuple[Any, Any]:
-        """Parameters of ambient occlusion and of one bounce, of the shape that frames have; or None."""
-        return self.params.techniques(1.0)
+        """Parameters of ambient occlusion and of one bounce, or None; see `FrameParams.techniques`."""
+        return self.params.techniques()
 
     @property
-    def ssdo(self) -> bool:
-        """Whether the frame is lit by SSDO, which reads attributes of all layers."""
-        return self.params.kind == "ssdo"
+    def whole(self) -> WholeFrameParams:
+        """Parameters of the whole picture, of a frame that is one."""
+        assert self.params.whole is not None  # noqa: S101  asked for in whole frames alone
+        return self.params.whole
 
     @cached_property
     def rasterizer(self) -> Rasterizer:
-        """What draws the G-buffer."""
-        whole = self.params.kind == "whole"
+        """The rasteriser of the G-buffer."""
+        whole, ssdo = (self.params.kind == kind for kind in ("whole", "ssdo"))
         return Rasterizer(
             self.runtime,
             self.size,
             layers=self.params.layers,
             margin=self.margin,
-            attributes=self.params.layers if self.ssdo else 1,
+            attributes=self.params.layers if ssdo else 1,
             regions="region" in self.params.skips,
-            world="until released" if self.ssdo else "until derived",
+            world="until released" if ssdo else "until derived",
             matt=not whole,
             lobes=whole,
         )
+
+    @cached_property
+    def shade(self) -> Shade:
+        """Direct light and the sum of all light."""
+        return Shade(self.runtime, self.size, punctual_lights=self.layer or self.params.kind != "ssdo")
+
+    @cached_property
+    def ssdo(self) -> Ssdo | None:
+        """SSDO, in a frame that it lights: it reads attributes of all layers."""
+        if self.params.kind != "ssdo":
+            return None
+        layers = self.params.layers
+        return Ssdo(self.runtime, self.size, self.techniques[1], self.margin, layers, layers)

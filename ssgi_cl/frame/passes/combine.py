@@ -2,32 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 from ssgi_cl.device.arrays import Plane
 from ssgi_cl.frame.passes.build import Build
 from ssgi_cl.frame.passes.resources import AO, DIRECT, GBUFFER, INDIRECT, LOBE_LIGHT, MATT, MULTI_BOUNCE, SKY, SKY_LIGHT
-from ssgi_cl.frame.stage import Stage, Values
-from ssgi_cl.techniques.direct.shade import Shade
+from ssgi_cl.frame.stage import Declared, Stage
 
 
-def combine(build: Build, shade: Shade, light: Iterable[str], *, ambient: bool) -> Stage:
+def combine(build: Build, *light: str, ambient: bool = False) -> Stage:
     """Return the pass. What reads its radiance changes it in place, so that it runs with its readers.
 
     Args:
         build: what it is prepared for.
-        shade: what computes it.
-        light: the kinds of light and occlusion that there are, by name.
-        ambient: whether the light of environments is not in direct light yet.
+        light: the resources of irradiance that it adds up.
+        ambient: whether it adds the light of environments, not blocked but by ambient occlusion.
     """
-    params, light = build.params, tuple(light)
+    params = build.params
     whole = params.kind == "whole"
+    dimmed = (AO,) if build.techniques[0] is not None and not build.layer else ()
 
-    def run(r: Values) -> tuple[Plane, Plane | None]:
+    def run(r: Declared) -> tuple[Plane, Plane | None]:
         seen = r[GBUFFER]
-        given = {name: r[name] for name in light}
+        given = {name: r[name] for name in (*light, *dimmed)}
         lobes = build.runtime.transient.plane(3, build.size) if whole and seen.mirrors else None
-        radiance = shade.combine(
+        radiance = build.shade.combine(
             seen,
             r[SKY],
             given[DIRECT],
@@ -44,8 +41,8 @@ def combine(build: Build, shade: Shade, light: Iterable[str], *, ambient: bool) 
 
     return Stage(
         name="combine",
-        reads=(GBUFFER, SKY, MULTI_BOUNCE, *light),
+        reads=(GBUFFER, SKY, MULTI_BOUNCE, *light, *dimmed),
         writes=(MATT, LOBE_LIGHT),
         run=run,
-        reuse="on demand",
+        on_demand=True,
     )

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+from ssgi_cl.frame.passes.build import Build
 from ssgi_cl.frame.passes.resources import DIRECT, GBUFFER, LIGHTS, SHADOWS
 from ssgi_cl.frame.stage import Stage
-from ssgi_cl.techniques.direct.shade import Shade
 
 
-def direct_light(shade: Shade) -> Stage:
-    """Return the pass; `shade` computes it."""
+def direct_light(build: Build) -> Stage:
+    """Return the pass."""
     return Stage(
         name="direct light",
         reads=(GBUFFER, LIGHTS, SHADOWS),
         writes=(DIRECT,),
-        run=lambda r: shade.light(r[GBUFFER], r[LIGHTS], shadows=r[SHADOWS]),
+        run=lambda r: build.shade.light(r[GBUFFER], r[LIGHTS], shadows=r[SHADOWS]),
     )

@@ -3,31 +3,20 @@
 from __future__ import annotations
 
 from ssgi_cl.device.arrays import Plane
+from ssgi_cl.frame.passes import resources as of
 from ssgi_cl.frame.passes.build import Build
-from ssgi_cl.frame.passes.resources import (
-    CASTING,
-    DIRECT,
-    GBUFFER,
-    INDIRECT,
-    LIGHTS,
-    OCCUPANCY,
-    RSM,
-    SKY_LIGHT,
-    SURFELS,
-)
-from ssgi_cl.frame.stage import Stage, Values
+from ssgi_cl.frame.stage import Declared, Stage
 from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.techniques.multires.multires_splat import MultiresSplat, MultiresSplatParams
 from ssgi_cl.techniques.occupancy.occupancy_grid import MOST_CELLS, Occupancy
 
 SURFEL_CAPACITY = 2
-"""Light sources that radiosity returns, at most, over the surfels asked for."""
+"""Most lights that radiosity returns, as a multiple of the surfels asked for."""
 
 
 def gather(build: Build) -> Stage:
-    """Return the pass: of punctual lights once by virtual point lights of their maps, all else by
-    surfels."""
-    whole, runtime = build.params.whole_params(), build.runtime
+    """Return the pass: virtual point lights carry the first bounce of punctual lights, surfels all else."""
+    whole, runtime = build.whole, build.runtime
     splat = MultiresSplat(
         runtime,
         build.size,
@@ -37,24 +26,23 @@ def gather(build: Build) -> Stage:
         surfels=SURFEL_CAPACITY * whole.surfels,
     )
 
-    def run(r: Values) -> tuple[Plane, Occupancy | None]:
-        maps, seen = r[RSM], r[GBUFFER]
+    def run(r: Declared) -> tuple[Plane, Occupancy | None]:
+        maps, seen = r[of.RSM], r[of.GBUFFER]
         found = splat.gather(
             seen,
             rsms=[] if maps is None else [maps],
-            scene=device_scene(r[CASTING], runtime),
-            surfels=r[SURFELS],
-            other_light=[plane for plane in (r[SKY_LIGHT], r[DIRECT]) if plane is not None],
+            scene=device_scene(r[of.CASTING], runtime),
+            surfels=r[of.SURFELS],
+            other_light=[plane for plane in (r[of.SKY_LIGHT], r[of.DIRECT]) if plane is not None],
         )
         if found.occupancy is None and seen.mirrors:
-            return found.irradiance, splat.block(seen, r[CASTING])
+            return found.irradiance, splat.block(seen, r[of.CASTING])
         return found.irradiance, found.occupancy
 
     return Stage(
         name="bounce",
-        reads=(GBUFFER, CASTING, LIGHTS, SURFELS, SKY_LIGHT, DIRECT),
-        hints=(RSM,),
-        writes=(INDIRECT, OCCUPANCY),
+        reads=(of.GBUFFER, of.CASTING, of.LIGHTS, of.SURFELS, of.SKY_LIGHT, of.DIRECT),
+        hints=(of.RSM,),
+        writes=(of.INDIRECT, of.OCCUPANCY),
         run=run,
-        label=splat.name,
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ssgi_cl.device.arrays import Plane
 from ssgi_cl.frame.passes.build import Build
 from ssgi_cl.frame.passes.resources import GBUFFER, GLOSSY, LIGHT_VOLUME, LIGHTS, LOBE_LIGHT, MATT, OCCUPANCY, SHADOWS
-from ssgi_cl.frame.stage import Stage, Values
+from ssgi_cl.frame.stage import Declared, Stage
 from ssgi_cl.techniques.reflections.reflections import Reflections
 
 
@@ -14,7 +14,7 @@ def reflections(build: Build) -> Stage:
     runtime = build.runtime
     made: list[Reflections] = []  # once a surface is glossy
 
-    def run(r: Values) -> Plane:
+    def run(r: Declared) -> Plane:
         radiance: Plane = r[MATT]
         if r[LOBE_LIGHT] is None:
             runtime.skip("reflect_trace", "no surface of the scene is glossy")
@@ -37,5 +37,5 @@ def reflections(build: Build) -> Stage:
         reads=(GBUFFER, MATT, LOBE_LIGHT, LIGHTS, SHADOWS, OCCUPANCY, LIGHT_VOLUME),
         writes=(GLOSSY,),
         run=run,
-        reuse="on demand",
+        on_demand=True,
     )

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from ssgi_cl.frame.stage import Resource
-
 SCENE, CAMERA, LIGHTS, MULTI_BOUNCE = "scene", "camera", "lights", "multi_bounce"
 CASTING = "surfaces that light meets"
 SKY = "lights as the background shows them"
@@ -16,17 +14,3 @@ SKY_LIGHT, OCCUPANCY = "irradiance by environments", "what blocks rays"
 LEVELS = "levels of the gather"
 MATT, LOBE_LIGHT, GLOSSY = "radiance of matt surfaces", "light that lobes mirror", "radiance with reflections"
 RADIANCE, PIXELS, EXPOSURE, IMAGE = "radiance", "radiance on the host", "exposure", "image"
-
-RESOURCES = (
-    Resource(SCENE, given=True, key=lambda scene: scene.key),
-    Resource(CASTING, given=True, key=lambda scene: scene.key),
-    Resource(CAMERA, given=True),
-    Resource(LIGHTS, given=True),
-    Resource(SKY, given=True),
-    Resource(MULTI_BOUNCE, given=True),
-    Resource(AO_PARAMS, given=True),
-    Resource(INDIRECT_PARAMS, given=True),
-    Resource(EXPOSURE, given=True, by_value=True),
-    Resource(RSM, absent="no light that a map could be made of"),
-)
-"""Of which more than the name is to be known."""

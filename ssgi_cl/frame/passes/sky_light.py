@@ -11,7 +11,7 @@ from ssgi_cl.techniques.sampled_lights.sampled_lights import SampledLights, Samp
 
 def sky_light(build: Build) -> Stage:
     """Return the pass."""
-    whole = build.params.whole_params()
+    whole = build.whole
     sky = SampledLights(
         build.runtime, build.size, SampledLightsParams(directions=whole.directions, map_size=whole.map_size)
     )

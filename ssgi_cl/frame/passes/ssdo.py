@@ -2,53 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from ssgi_cl.device.arrays import Plane
-from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.frame.auxiliary_views import AuxiliaryViews
+from ssgi_cl.frame.passes import resources as of
 from ssgi_cl.frame.passes.build import Build
-from ssgi_cl.frame.passes.resources import (
-    AO,
-    CAMERA,
-    CASTING,
-    DIRECT,
-    GBUFFER,
-    INDIRECT,
-    INDIRECT_PARAMS,
-    LIGHTS,
-    SHADOWS,
-)
-from ssgi_cl.frame.stage import Stage, Values
-from ssgi_cl.techniques.ssdo.ssdo import Ssdo
+from ssgi_cl.frame.stage import Declared, Stage
 
 
-def ssdo(build: Build) -> tuple[list[Stage], Callable[[DeviceGBuffer], None]]:
-    """Return the pass with that of the occlusion which it replaces, and what looks at G-buffers."""
-    params, views = build.params, None
-    technique = Ssdo(build.runtime, build.size, build.techniques[1], build.margin, params.layers, params.layers)
-    if params.auxiliary_cameras:
-        views = AuxiliaryViews(build.runtime, params.auxiliary_cameras)
+def ssdo(build: Build) -> Stage:
+    """Return the pass."""
+    technique, count = build.ssdo, build.params.auxiliary_cameras
+    assert technique is not None  # noqa: S101  the frame is lit by it
+    views = AuxiliaryViews(build.runtime, count) if count else None
 
-    def run(r: Values) -> tuple[Plane | None, Plane | None]:
-        technique.params = r[INDIRECT_PARAMS]
-        seen, lights = r[GBUFFER], r[LIGHTS]
-        extra = views.drawn(r[CASTING], r[CAMERA], seen, lights) if views is not None else ()
-        found = technique.run(seen, lights, shadows=r[SHADOWS], auxiliary_views=extra)
+    def run(r: Declared) -> tuple[Plane | None, Plane | None]:
+        technique.params = r[of.INDIRECT_PARAMS]
+        seen, lights = r[of.GBUFFER], r[of.LIGHTS]
+        extra = views.drawn(r[of.CASTING], r[of.CAMERA], seen, lights) if views is not None else ()
+        found = technique.run(seen, lights, shadows=r[of.SHADOWS], auxiliary_views=extra)
         return found.direct, found.bounce
 
-    replaced = Stage(
-        name="ambient occlusion",
-        reads=(GBUFFER,),
-        writes=(AO,),
-        run=lambda r: None,
-        condition=lambda facts: "ssdo hides ambient light by itself",
-    )
-    light = Stage(
+    return Stage(
         name="ssdo",
-        reads=(GBUFFER, CASTING, CAMERA, LIGHTS, SHADOWS, INDIRECT_PARAMS),
-        hints=(AO,),
-        writes=(DIRECT, INDIRECT),
+        reads=(of.GBUFFER, of.CASTING, of.CAMERA, of.LIGHTS, of.SHADOWS, of.INDIRECT_PARAMS),
+        hints=(of.AO,),
+        writes=(of.DIRECT, of.INDIRECT),
         run=run,
     )
-    return [replaced, light], technique.look

@@ -1,19 +1,19 @@
-"""Pass: radiosity, which carries light from surface to surface, seen or not."""
+"""Pass: radiosity: light from surface to surface, seen or not, carried by surfels."""
 
 from __future__ import annotations
 
 from ssgi_cl.frame.passes.build import Build
 from ssgi_cl.frame.passes.resources import CASTING, LIGHT_VOLUME, LIGHTS, RSM, SURFELS
-from ssgi_cl.frame.stage import Stage, Values
+from ssgi_cl.frame.stage import Declared, Stage
 from ssgi_cl.techniques.radiosity.radiosity import Radiosity, RadiosityLight, RadiosityParams
 
 
 def surfels(build: Build) -> Stage:
     """Return the pass. It depends on scene and lights alone: a moving camera does not run it again."""
-    whole = build.params.whole_params()
+    whole = build.whole
     radiosity = Radiosity(build.runtime, RadiosityParams(surfels=whole.surfels, bounces=whole.bounces))
 
-    def run(r: Values) -> RadiosityLight:
+    def run(r: Declared) -> RadiosityLight:
         maps = r[RSM]
         return radiosity.run(r[CASTING], r[LIGHTS], rsms=[] if maps is None else [maps])
 

@@ -1,4 +1,4 @@
-"""Passes: from radiance to the picture: read-back, exposure, tone mapping."""
+"""Passes from radiance to the picture: read-back, exposure, tone mapping."""
 
 from __future__ import annotations
 
@@ -10,32 +10,32 @@ from ssgi_cl.device.arrays import Plane
 from ssgi_cl.frame.passes.build import Build
 from ssgi_cl.frame.passes.resources import EXPOSURE, GBUFFER, IMAGE, PIXELS, RADIANCE
 from ssgi_cl.frame.stage import Stage
-from ssgi_cl.techniques.direct.shade import Shade
 from ssgi_cl.techniques.filters.tonemap import Tonemap, TonemapParams, auto_exposure
 
 
-def tonemap(build: Build, shade: Shade) -> list[Stage]:
-    """Return the passes; `shade` knows which pixels hold anything."""
+def tonemap(build: Build) -> list[Stage]:
+    """Return the passes."""
     curve = Tonemap(build.runtime, build.size, TonemapParams(curve=build.params.curve))
+    seen = build.shade.seen
     return [
         Stage(
             name="read-back",
             reads=(RADIANCE, GBUFFER),
             writes=(PIXELS,),
-            reuse="on demand",
-            run=lambda r: pixels(r[RADIANCE], shade.seen(r[GBUFFER])),
+            on_demand=True,
+            run=lambda r: pixels(r[RADIANCE], seen(r[GBUFFER])),
         ),
         Stage(
             name="exposure",
             reads=(PIXELS, GBUFFER),
             writes=(EXPOSURE,),
-            run=lambda r: auto_exposure(r[PIXELS], shade.seen(r[GBUFFER])),
+            run=lambda r: auto_exposure(r[PIXELS], seen(r[GBUFFER])),
         ),
         Stage(
             name="picture",
             reads=(RADIANCE, GBUFFER, EXPOSURE),
             writes=(IMAGE,),
-            run=lambda r: curve.run(r[RADIANCE], exposure=r[EXPOSURE], region=shade.seen(r[GBUFFER])),
+            run=lambda r: curve.run(r[RADIANCE], exposure=r[EXPOSURE], region=seen(r[GBUFFER])),
         ),
     ]
 

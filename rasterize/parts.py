@@ -13,7 +13,7 @@ from ssgi_cl.core.lights import Light
 from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.core.scene_camera import SceneCamera
 
-from .normals import crease_normals
+from .normals import DEFAULT_CREASE_ANGLE, crease_normals
 
 MOST_TRIANGLES = 50_000_000
 """Triangles of a scene, instances included; a small file can ask for far more by instancing."""
@@ -99,7 +99,11 @@ def check_triangles(count: int) -> None:
 
 
 def assemble(
-    parts: Sequence[Part], materials: Sequence[Material], textures: Sequence[NDArray[np.uint8]], *, crease_angle: float
+    parts: Sequence[Part],
+    materials: Sequence[Material],
+    textures: Sequence[NDArray[np.uint8]] = (),
+    *,
+    crease_angle: float = DEFAULT_CREASE_ANGLE,
 ) -> Scene:
     """Join `parts` to one scene around the centre of its bounds.
 
@@ -130,7 +134,7 @@ def assemble(
     )
 
 
-def complete(part: Part, crease_angle: float) -> Part:
+def complete(part: Part, crease_angle: float = DEFAULT_CREASE_ANGLE) -> Part:
     """Return `part` without flaws, with unit normals and only the vertices in use.
 
     What is placed many times is best completed once before it is `transformed`.

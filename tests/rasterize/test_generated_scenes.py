@@ -186,7 +186,7 @@ def test_sets_of_scenes_share_none() -> None:
     [
         (solids.cylinder(64), np.pi),
         (solids.cone(64), np.pi / 3.0),
-        (solids.octahedron(), 4.0 / 3.0),
+        (solids.sphere(4), 4.0 / 3.0),
         (solids.sphere(64), 4.0 / 3.0 * np.pi),
         (solids.torus(1.0, 0.25, 96, 48), 2.0 * np.pi**2 * 0.25**2),
         (solids.prism([(1, 0), (0, 1), (-1, 0), (0, -1)], 0.5), 1.0),

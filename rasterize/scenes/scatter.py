@@ -46,12 +46,14 @@ def rotation(axis: ArrayLike, angle: ArrayLike) -> Doubles:
 
 def about_x(angle: float) -> Doubles:
     """Return the [3, 3] rotation about the x axis by an angle in radians, +y towards +z."""
-    return rotation((1.0, 0.0, 0.0), angle)[0]
+    (turn,) = rotation((1.0, 0.0, 0.0), angle)
+    return np.asarray(turn)
 
 
 def about_y(angle: float) -> Doubles:
     """Return the [3, 3] rotation about the y axis by an angle in radians, +z towards +x."""
-    return rotation((0.0, 1.0, 0.0), angle)[0]
+    (turn,) = rotation((0.0, 1.0, 0.0), angle)
+    return np.asarray(turn)
 
 
 def copies(

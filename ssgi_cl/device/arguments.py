@@ -26,7 +26,7 @@ _INT2 = struct.Struct("=ii").pack
 
 
 class Arguments:
-    """How values by name become a kernel's arguments.
+    """Conversion of values by name to a kernel's arguments.
 
     Args:
         signature: what it takes.
@@ -81,23 +81,23 @@ class Arguments:
                 )
         for name, parameter in self._parameters.items():
             if name not in given:
-                raise TypeError(
-                    f"kernel {self._kernel}: {name} is missing: expected "
-                    f"{self._expected(parameter)} ({parameter.declaration})"
-                )
+                raise TypeError(f"kernel {self._kernel}: {name} is missing: expected {self._expected(parameter)}")
 
     def _check_types(self, given: Mapping[str, Any]) -> None:
         for name, convert in self._converts:
             try:
                 convert(given[name])
             except _OtherType:
-                parameter = self._parameters[name]
+                expected = self._expected(self._parameters[name])
                 raise TypeError(
-                    f"kernel {self._kernel}: {name} is {_shown(given[name])}: expected "
-                    f"{self._expected(parameter)} ({parameter.declaration})"
+                    f"kernel {self._kernel}: {name} is {_shown(given[name])}: expected {expected}"
                 ) from None
 
     def _expected(self, parameter: Parameter) -> str:
+        """Return the value that a parameter takes and its declaration, for messages."""
+        return f"{self._expected_value(parameter)} ({parameter.declaration})"
+
+    def _expected_value(self, parameter: Parameter) -> str:
         kind = parameter.type
         if kind == PLANE:
             return "a Plane"
@@ -143,7 +143,7 @@ def _element(kind: str) -> np.dtype[Any] | None:
 
 
 def _shown(value: Any) -> str:
-    """Return what a value is, in words."""
+    """Return a description of a value, for messages."""
     if isinstance(value, Plane):
         return f"a Plane of {value.count} x {value.size}"
     if isinstance(value, DeviceArray):

@@ -1,4 +1,4 @@
-"""How much memory a device has, how much of it is in use, and how much something would take."""
+"""Memory of a device: its limit, what is in use, and what something would take."""
 
 from __future__ import annotations
 

@@ -13,7 +13,8 @@ from ssgi_cl.core.errors import DeviceMemoryError
 from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import plane_bytes
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.device.transient import ALIGNMENT, TransientMemory, TransientPlane
+from ssgi_cl.device.transient import TransientMemory, TransientPlane
+from ssgi_cl.device.transient_chunks import ALIGNMENT
 from ssgi_cl.frame.render import render
 from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.rasterize.scenes import make_scene

@@ -158,7 +158,7 @@ def on_ground(height: Height, x: float, z: float) -> tuple[float, float, float]:
     return float(x), float(height(np.array(x), np.array(z))), float(z)
 
 
-def all_on_ground(height: Height, spots: Doubles, above: ArrayLike = 0.0) -> Doubles:
+def all_on_ground(height: Height, spots: Doubles, above: float | Doubles = 0.0) -> Doubles:
     """Return [n, 3] points over `spots` [n, 2], x and z, at a distance above the ground."""
     x, z = spots.T
     return np.stack([x, height(x, z) + above, z], axis=1)

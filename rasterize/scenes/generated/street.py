@@ -40,8 +40,8 @@ def street(chance: Chance) -> Draft:
                 _house(model, chance, 2.0 * (half + walk))
     for z in np.arange(-9.0, 10.0, chance.uniform(5.0, 9.0)):
         y = chance.uniform(4.5, 6.0)
-        end = (half + walk, y + 0.3, z + chance.uniform(-2, 2))
-        model.sag((-half - walk, y, z), end, 0.5, chance.uniform(0.005, 0.015), IRON)
+        across = (half + walk, y + 0.3, z + chance.uniform(-2, 2))
+        model.sag((-half - walk, y, z), across, 0.5, chance.uniform(0.005, 0.015), IRON)
     low = -chance.uniform(0.7, 1.2)
     sun = DirectionalLight((chance.uniform(-0.7, 0.7), low, chance.uniform(-0.6, 0.2)), (17.0, 15.5, 13.0))
     views = []

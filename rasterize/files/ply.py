@@ -66,7 +66,7 @@ def _decoded(header: PlyHeader, data: bytes, path: Path) -> trimesh.Trimesh:
     file = io.BytesIO(header.bytes + data[header.start :])
     try:
         with np.errstate(invalid="ignore", over="ignore"):
-            options = {"process": False, "validate": False, "skip_materials": True}
+            options: dict[str, Any] = {"process": False, "validate": False, "skip_materials": True}
             loaded = trimesh.load(file, file_type="ply", fix_texture=header.corner_uvs, **options)
     except MemoryError:
         raise

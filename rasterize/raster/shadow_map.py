@@ -194,17 +194,9 @@ def rsm(scene: Scene, light: PunctualLight, *, size: int = 512, runtime: Runtime
     arrays = [np.concatenate(parts) for parts in zip(*faces, strict=True)]
     for array in arrays:
         array.flags.writeable = False  # the map takes them over without a copy
-    depth, position, normal, power, *lobes = arrays
-    return ReflectiveShadowMap(
-        light=light,
-        camera=cameras if len(cameras) > 1 else cameras[0],
-        depth=depth,
-        position=position,
-        normal=normal,
-        flux=power,
-        specular_flux=lobes[0] if lobes else None,
-        gloss=lobes[1] if lobes else None,
-    )
+    names = ("depth", "position", "normal", "flux", "specular_flux", "gloss")
+    camera = cameras if len(cameras) > 1 else cameras[0]
+    return ReflectiveShadowMap(light=light, camera=camera, **dict(zip(names, arrays, strict=False)))
 
 
 def shadow_maps(

@@ -89,13 +89,9 @@ def _columns() -> list[Part]:
     along = (height - 0.42) / 3.46
     swelling = 0.34 - 0.05 * along**1.6  # entasis: the shaft thins faster the higher it gets
     shaft = lathe(np.stack([swelling, height], axis=1), 96, shape=flutes)
-    base = lathe(
-        np.concatenate([
-            rounded([(0.44, 0.14), (0.48, 0.18), (0.48, 0.24), (0.43, 0.28)], 4),
-            rounded([(0.38, 0.29), (0.37, 0.33), (0.40, 0.36), (0.36, 0.41), (0.33, 0.43)], 3),
-        ]),
-        48,
-    )  # fmt: skip
+    torus = rounded([(0.44, 0.14), (0.48, 0.18), (0.48, 0.24), (0.43, 0.28)], 4)
+    scotia = rounded([(0.38, 0.29), (0.37, 0.33), (0.40, 0.36), (0.36, 0.41), (0.33, 0.43)], 3)
+    base = lathe(np.concatenate([torus, scotia]), 48)
 
     def leaves(angle: NDArray[np.float64], height: NDArray[np.float64]) -> NDArray[np.float64]:
         # Two rows of eight leaves that lean outwards at their tips.
@@ -121,7 +117,7 @@ def _arcade() -> list[Part]:
     """Return the wall on the columns, pierced by an arch in each bay."""
     inner, outer, top = _ROW_X - 0.3, _ROW_X + 0.3, _GALLERY - 0.3
     angle = np.linspace(0.0, np.pi, 41)
-    arch = np.stack([_ARCH_RADIUS * np.cos(angle), _ARCH_RADIUS * np.sin(angle)], axis=1)
+    arch = _ARCH_RADIUS * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     # The rays through the arch's points, prolonged to the upper and side edges of the bay.
     reach = np.minimum(
         0.5 * _BAY / np.maximum(np.abs(np.cos(angle)), 1e-9), (top - _SPRINGING) / np.maximum(np.sin(angle), 1e-9)
@@ -170,14 +166,10 @@ def _cornice() -> Part:
 
 def _gallery() -> list[Part]:
     """Return floor, railing, colonnettes and architrave of the upper storey."""
-    colonnette = lathe(
-        np.concatenate([
-            rounded([(0.16, 6.45), (0.17, 6.50), (0.17, 6.56), (0.12, 6.64)], 3),
-            [(0.115, 6.9), (0.115, 7.4), (0.11, 8.0), (0.10, 8.6), (0.095, 8.8)],
-            rounded([(0.12, 8.82), (0.12, 8.86), (0.10, 8.90), (0.14, 9.02), (0.18, 9.08)], 3),
-        ]),
-        32,
-    )  # fmt: skip
+    foot = rounded([(0.16, 6.45), (0.17, 6.50), (0.17, 6.56), (0.12, 6.64)], 3)
+    shaft = [(0.115, 6.9), (0.115, 7.4), (0.11, 8.0), (0.10, 8.6), (0.095, 8.8)]
+    head = rounded([(0.12, 8.82), (0.12, 8.86), (0.10, 8.90), (0.14, 9.02), (0.18, 9.08)], 3)
+    colonnette = lathe(np.concatenate([foot, shaft, head]), 32)
     colonnette = complete(of_material(joined([colonnette, box((-0.2, 9.08, -0.2), (0.2, 9.2, 0.2))]), _MARBLE))
     places = np.concatenate([_COLUMNS_Z, _COLUMNS_Z[:-1] + 0.5 * _BAY])
     return [
@@ -229,11 +221,9 @@ def _floor() -> list[Part]:
 def _walls() -> list[Part]:
     """Return the closed side, the pillars and railings of the open one, and the entrance wall."""
     x, z, top = _OUTER_X, _END_Z, _VAULT
-    parts = [
-        shapes.quad([(-x, 0, z), (-x, 0, -z), (-x, top, -z), (-x, top, z)]),
-        shapes.quad([(x, 0, z), (-x, 0, z), (-x, top, z), (x, top, z)]),
-    ]
-    parts = [of_material(part, _PLASTER) for part in parts]
+    closed_side = shapes.quad([(-x, 0, z), (-x, 0, -z), (-x, top, -z), (-x, top, z)])
+    entrance = shapes.quad([(x, 0, z), (-x, 0, z), (-x, top, z), (x, top, z)])
+    parts = shapes.of_materials(([closed_side, entrance], _PLASTER))
     pilaster = of_material(box((-x, 0.0, -0.3), (-x + 0.18, _GALLERY - 0.3, 0.3)), _STONE)
     for place in _COLUMNS_Z:
         parts.append(moved(pilaster, 0.0, 0.0, place))
@@ -242,8 +232,8 @@ def _walls() -> list[Part]:
     parts.append(of_material(railing(x, _GALLERY, 1.0, -z, z), _IRON))
     hung = (_GREEN, _BLUE, _RED, _GOLD)
     for i, place in enumerate(_COLUMNS_Z[:-1] + 0.5 * _BAY):
-        cloth = turned(banner(1.5, 3.6, 1.7 * i), 0.5 * np.pi)
-        parts.append(of_material(moved(cloth, -x + 0.22, 5.2, place), hung[i % 4]))
+        cloth = moved(turned(banner(1.5, 3.6, 1.7 * i), 0.5 * np.pi), -x + 0.22, 5.2, place)
+        parts.append(of_material(cloth, hung[i % 4]))
     return parts
 
 
@@ -297,25 +287,18 @@ def _apse() -> list[Part]:
     ]
     for step in range(6):
         depth, half = 0.36 * step, _ROW_X - 0.55 - 0.12 * step
-        parts.append(
-            of_material(box((-half, 0.16 * step, -_END_Z - radius), (half, 0.16 * (step + 1), -10.0 - depth)), _MARBLE)
-        )
+        block = box((-half, 0.16 * step, -_END_Z - radius), (half, 0.16 * (step + 1), -10.0 - depth))
+        parts.append(of_material(block, _MARBLE))
     return parts
 
 
 def _things() -> list[Part]:
     """Return a sphere before the apse, and vases, rings and spheres on pedestals."""
-    vase = lathe(
-        rounded(
-            [
-                (0.0, 0.0), (0.16, 0.0), (0.17, 0.03), (0.10, 0.08), (0.12, 0.14), (0.27, 0.34),
-                (0.31, 0.52), (0.24, 0.72), (0.13, 0.82), (0.13, 0.88), (0.20, 0.96), (0.19, 0.96),
-                (0.11, 0.88), (0.11, 0.80),
-            ],
-            4,
-        ),
-        64,
-    )  # fmt: skip
+    outline = [
+        (0.0, 0.0), (0.16, 0.0), (0.17, 0.03), (0.10, 0.08), (0.12, 0.14), (0.27, 0.34), (0.31, 0.52), (0.24, 0.72),
+        (0.13, 0.82), (0.13, 0.88), (0.20, 0.96), (0.19, 0.96), (0.11, 0.88), (0.11, 0.80),
+    ]  # fmt: skip
+    vase = lathe(rounded(outline, 4), 64)
     sphere = shapes.ball(1.0, 80)
     torus = tube(0.3 * shapes.circle(64) + [0.0, 0.40, 0.0], (0.0, 0.0, 1.0), 0.1, 32)
     pedestal = joined([

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -86,7 +87,7 @@ def _chosen(scene: Scene, chosen: NDArray[np.bool_], materials: tuple[Material, 
         corners = (scene.bounds - scene.origin).astype(np.float32)
         none = np.zeros_like(corners)
         ids, triangle = np.zeros(1, np.int32), np.array([[0, 1, 1]], np.int32)
-        vertices = {"positions": corners, "normals": none, "uvs": none[:, :2], "colors": none}
+        vertices: dict[str, Any] = {"positions": corners, "normals": none, "uvs": none[:, :2], "colors": none}
         return replace(scene, **vertices, triangles=triangle, material_ids=ids, materials=(Material(),), textures=())
     used, numbers = np.unique(scene.triangles[chosen], return_inverse=True)
     vertices = {name: getattr(scene, name)[used] for name in ("positions", "normals", "uvs", "colors")}

@@ -41,25 +41,9 @@ class _Visible:
     view: dict[str, Any]
 
 
-@dataclass(eq=False)
-class _Lists:
-    """Memory of a frame until its pixels are drawn.
-
-    Attributes:
-        view, screen: vertices in view space and on the screen.
-        records, places: of the visible triangles, kernels/raster/records.clh.
-        list: the records that meet each tile.
-    """
-
-    view: DeviceArray
-    screen: DeviceArray
-    records: DeviceArray
-    places: DeviceArray
-    list: DeviceArray
-
-    def release(self) -> None:
-        """Give the memory to others."""
-        del self.view, self.screen, self.records, self.places, self.list
+_Lists = dict[str, DeviceArray]
+"""Memory of a frame until its pixels are drawn: "view" and "screen" of vertices; "records" and "places"
+of the visible triangles, kernels/raster/records.clh; and the "list" of records that meet each tile."""
 
 
 class Rasterizer:
@@ -273,13 +257,9 @@ class Rasterizer:
         # In one piece with the rest, of which parts are of use to others afterwards.
         self._reserve(4 * (3 + 4) * scene.vertex_stride)
         array = self.runtime.transient.array
-        return _Lists(
-            view=array(3 * scene.vertex_stride, np.float32),
-            screen=array(4 * scene.vertex_stride, np.int32),
-            records=array(self._capacity * RECORD, np.int32),
-            places=array(self._capacity * 2, np.int32),
-            list=array(self._pair_capacity, np.int32),
-        )
+        ints = {"records": self._capacity * RECORD, "places": self._capacity * 2, "list": self._pair_capacity}
+        view, screen = array(3 * scene.vertex_stride, np.float32), array(4 * scene.vertex_stride, np.int32)
+        return {"view": view, "screen": screen, **{name: array(count, np.int32) for name, count in ints.items()}}
 
     def _sort(self, scene: DeviceScene, camera: Camera, lists: _Lists) -> None:
         """Queue the passes that list the triangles of each tile."""
@@ -289,8 +269,8 @@ class Rasterizer:
         self._vertices.run(
             (1, scene.vertices),
             positions=scene.positions,
-            view=lists.view,
-            screen=lists.screen,
+            view=lists["view"],
+            screen=lists["screen"],
             counters=self._counters,
             tiles=self._counts,
             camera=packed_camera,
@@ -303,10 +283,10 @@ class Rasterizer:
             boxes=scene.boxes,
             corners=scene.corners,
             vertices=scene.shading,
-            view=lists.view,
-            screen=lists.screen,
-            records=lists.records,
-            places=lists.places,
+            view=lists["view"],
+            screen=lists["screen"],
+            records=lists["records"],
+            places=lists["places"],
             tiles=self._counts,
             counters=self._counters,
             camera=packed_camera,
@@ -324,10 +304,10 @@ class Rasterizer:
         self._fill.run(
             (1, workers),
             grid=(1, workers),
-            records=lists.records,
-            places=lists.places,
+            records=lists["records"],
+            places=lists["places"],
             cursors=self._cursors,
-            list=lists.list,
+            list=lists["list"],
             counters=self._counters,
             view=view,
         )
@@ -381,12 +361,12 @@ class Rasterizer:
                     local=self._group,
                     region=over,
                     cell=self._rectangle,
-                    records=lists.records,
+                    records=lists["records"],
                     starts=self._starts,
-                    list=lists.list,
+                    list=lists["list"],
                     previous=before,
                     corners=scene.corners,
-                    positions_view=lists.view,
+                    positions_view=lists["view"],
                     uvs=scene.uvs,
                     cutouts=scene.cutouts,
                     depths=now,
@@ -396,7 +376,7 @@ class Rasterizer:
                     **_materials(scene),
                 )
                 if late:
-                    lists.release()
+                    lists.clear()
                     if self.shaded:
                         del now, before, depths
                         target.take_world()

@@ -91,12 +91,10 @@ class Model:
         tint: ArrayLike = 1.0,
     ) -> None:
         """Add a copy of a unit shape, scaled by `size` along its own axes, then turned."""
-        own = np.eye(3) if turn is None else turn
-        self._placed.setdefault(shape, []).append((
-            self._place + self._turn @ np.asarray(place, np.float64), self._turn @ own,
-            np.broadcast_to(np.asarray(size, np.float64), 3), material,
-            np.broadcast_to(np.asarray(tint, np.float64), 3),
-        ))  # fmt: skip
+        at = self._place + self._turn @ np.asarray(place, np.float64)
+        turned = self._turn @ (np.eye(3) if turn is None else turn)
+        scale, color = (np.broadcast_to(np.asarray(values, np.float64), 3) for values in (size, tint))
+        self._placed.setdefault(shape, []).append((at, turned, scale, material, color))
 
     def box(self, least: ArrayLike, greatest: ArrayLike, material: int, tint: ArrayLike = 1.0) -> None:
         """Add the box between two corners."""
@@ -138,15 +136,9 @@ class Model:
         closed: bool = True,
     ) -> None:
         """Add a part; `closed` tells whether it bounds a volume."""
-        self.scatter(
-            part,
-            material,
-            np.broadcast_to(np.asarray(place, np.float64), (1, 3)),
-            turns=None if turn is None else turn[None],
-            scales=np.broadcast_to(np.asarray(scale, np.float64), (1, 3)),
-            tints=np.broadcast_to(np.asarray(tint, np.float64), (1, 3)),
-            closed=closed,
-        )
+        places, scales, tints = (np.broadcast_to(np.asarray(v, np.float64), (1, 3)) for v in (place, scale, tint))
+        turns = None if turn is None else turn[None]
+        self.scatter(part, material, places, turns=turns, scales=scales, tints=tints, closed=closed)
 
     def scatter(
         self,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core import checks
 from ssgi_cl.core.camera import Camera, look_at_matrix, orthographic_matrix, perspective_matrix
 from ssgi_cl.core.gbuffer import ReflectiveShadowMap
+from ssgi_cl.core.keywords import checked_keywords
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PunctualLight, SpotLight, light_tuple
 from ssgi_cl.core.scene import Scene, box_corners
 from ssgi_cl.device.arrays import Plane
@@ -199,6 +200,7 @@ def rsm(scene: Scene, light: PunctualLight, *, size: int = 512, runtime: Runtime
     return ReflectiveShadowMap(light=light, camera=camera, **dict(zip(names, arrays, strict=False)))
 
 
+@checked_keywords
 def shadow_maps(
     scene: Scene, lights: Sequence[Light], *, size: int = 1024, runtime: Runtime | None = None
 ) -> tuple[ReflectiveShadowMap | None, ...]:

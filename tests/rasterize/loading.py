@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
-import struct
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +11,8 @@ from PIL import Image
 
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.rasterize.files.load import load_scene
+
+from ..faults.seeds import glb
 
 # float32 positions within a few units of the origin.
 POSITION = {"rtol": 0, "atol": 1e-6}
@@ -82,11 +82,7 @@ class Gltf:
 
     def bytes(self) -> bytes:
         self.json["buffers"] = [{"byteLength": len(self.binary)}]
-        text = json.dumps(self.json).encode()
-        text += b" " * (-len(text) % 4)
-        size = 28 + len(text) + len(self.binary)
-        head = struct.pack("<4s3I4s", b"glTF", 2, size, len(text), b"JSON")
-        return head + text + struct.pack("<I4s", len(self.binary), b"BIN\0") + self.binary
+        return glb(self.json, self.binary)
 
     def load(self, folder: Path) -> Scene:
         return load_scene(written(folder, "a.glb", self.bytes()))

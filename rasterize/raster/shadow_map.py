@@ -196,8 +196,8 @@ def rsm(scene: Scene, light: PunctualLight, *, size: int = 512, runtime: Runtime
     for array in arrays:
         array.flags.writeable = False  # the map takes them over without a copy
     names = ("depth", "position", "normal", "flux", "specular_flux", "gloss")
-    camera = cameras if len(cameras) > 1 else cameras[0]
-    return ReflectiveShadowMap(light=light, camera=camera, **dict(zip(names, arrays, strict=False)))
+    of_light = cameras if len(cameras) > 1 else cameras[0]
+    return ReflectiveShadowMap(light=light, camera=of_light, **dict(zip(names, arrays, strict=False)))
 
 
 @checked_keywords

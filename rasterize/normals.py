@@ -11,7 +11,7 @@ DEFAULT_CREASE_ANGLE = math.radians(40.0)
 """Radians; faces that meet at a sharper angle keep an edge between them."""
 
 _EDGES_OF_A_LINE = 3
-"""How many further faces along one line a face looks at (two coincident sheets share a line)."""
+"""Further faces along one line that a face is compared with (two coincident sheets share a line)."""
 
 
 def crease_normals(

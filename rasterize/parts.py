@@ -1,4 +1,4 @@
-"""What every reader hands over, a list of parts, and how parts become a Scene."""
+"""Parts of a scene, which every reader and built-in scene makes, and their assembly to a Scene."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ssgi_cl.core.lights import Light
 from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.core.scene_camera import SceneCamera
 
-from .normals import crease_normals
+from .normals import DEFAULT_CREASE_ANGLE, crease_normals
 
 MOST_TRIANGLES = 50_000_000
 """Triangles of a scene, instances included; a small file can ask for far more by instancing."""
@@ -74,10 +74,22 @@ class Part:
             triangles=self.triangles[:, ::-1] if mirrored else self.triangles,
         )
 
+    def with_vertices(self, vertices: NDArray[np.int64]) -> Part:
+        """Return the part with vertices [n] of its own in place of all; triangles stay as they are."""
+        names = ("positions", "normals", "uvs", "colors")
+        given = {name: values for name in names if (values := getattr(self, name)) is not None}
+        return replace(self, **{name: values[vertices] for name, values in given.items()})
+
+    def with_face_colors(self, colors: NDArray[np.float64]) -> Part:
+        """Return the part with linear colours [triangles, 3] of its triangles, whose vertices are not shared."""
+        corners = self.triangles.ravel()
+        triangles = np.arange(len(corners)).reshape(-1, 3)
+        return replace(self.with_vertices(corners), triangles=triangles, colors=np.repeat(colors, 3, axis=0))
+
 
 @dataclass(frozen=True)
 class Contents:
-    """What a file holds.
+    """Contents of a file.
 
     Attributes:
         parts: with indices of `materials`.
@@ -99,7 +111,11 @@ def check_triangles(count: int) -> None:
 
 
 def assemble(
-    parts: Sequence[Part], materials: Sequence[Material], textures: Sequence[NDArray[np.uint8]], *, crease_angle: float
+    parts: Sequence[Part],
+    materials: Sequence[Material],
+    textures: Sequence[NDArray[np.uint8]] = (),
+    *,
+    crease_angle: float = DEFAULT_CREASE_ANGLE,
 ) -> Scene:
     """Join `parts` to one scene around the centre of its bounds.
 
@@ -130,7 +146,7 @@ def assemble(
     )
 
 
-def complete(part: Part, crease_angle: float) -> Part:
+def complete(part: Part, crease_angle: float = DEFAULT_CREASE_ANGLE) -> Part:
     """Return `part` without flaws, with unit normals and only the vertices in use.
 
     What is placed many times is best completed once before it is `transformed`.
@@ -209,11 +225,4 @@ def _with_normals(part: Part, crease_angle: float) -> Part:
     else:
         vertices, inverse = np.unique(triangles, return_inverse=True)
         normals = given[vertices] / lengths[vertices, None]
-    return replace(
-        part,
-        positions=part.positions[vertices],
-        normals=normals,
-        uvs=None if part.uvs is None else part.uvs[vertices],
-        colors=None if part.colors is None else part.colors[vertices],
-        triangles=inverse.reshape(-1, 3),
-    )
+    return replace(part.with_vertices(vertices), normals=normals, triangles=inverse.reshape(-1, 3))

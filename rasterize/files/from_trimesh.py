@@ -13,13 +13,13 @@ from ssgi_cl.core.errors import SceneError
 from ssgi_cl.core.scene import Material
 from ssgi_cl.rasterize.files.metal_rough import Lobe, metal_rough_lobe
 from ssgi_cl.rasterize.files.textures import TextureSet, lets_through, mean_color, rgba_of, srgb_to_linear
-from ssgi_cl.rasterize.parts import Part
+from ssgi_cl.rasterize.parts import Contents, Part
 
 _GREY = Material()
 _WHITE = Material(albedo=(1.0, 1.0, 1.0))
 
 
-def read_trimesh(source: trimesh.Scene | trimesh.Trimesh, textures: TextureSet) -> tuple[list[Part], list[Material]]:
+def read_trimesh(source: trimesh.Scene | trimesh.Trimesh, textures: TextureSet) -> Contents:
     """Return the parts and materials of a mesh, or of every instance of a scene.
 
     Colours of vertices and faces are taken as sRGB-encoded; factors of materials as linear, with
@@ -32,7 +32,7 @@ def read_trimesh(source: trimesh.Scene | trimesh.Trimesh, textures: TextureSet) 
     """
     reader = _Reader(textures)
     if isinstance(source, trimesh.Trimesh):
-        return [reader.part(source, "mesh")], reader.materials
+        return Contents([reader.part(source, "mesh")], reader.materials)
     if not isinstance(source, trimesh.Scene):
         raise TypeError(f"source is {type(source).__name__}: expected a path, or a Scene or Trimesh of trimesh")
     parts: list[Part] = []
@@ -48,7 +48,7 @@ def read_trimesh(source: trimesh.Scene | trimesh.Trimesh, textures: TextureSet) 
         parts.append(made[name].transformed(np.asarray(matrix, dtype=np.float64)))
     if not parts:
         raise SceneError("the trimesh scene places no mesh")
-    return parts, reader.materials
+    return Contents(parts, reader.materials)
 
 
 class _Reader:
@@ -62,8 +62,6 @@ class _Reader:
     def part(self, mesh: trimesh.Trimesh, name: str) -> Part:
         """Return a mesh in its own coordinates."""
         triangles = np.asarray(mesh.faces, dtype=np.int64)
-        positions = np.asarray(mesh.vertices, dtype=np.float64)
-        normals = _given_normals(mesh)
         uvs, colors, of_face = None, None, None
         visual: Any = mesh.visual  # of colours or of textures, as its kind says
         if visual.kind == "texture":
@@ -78,20 +76,16 @@ class _Reader:
                 of_face = srgb_to_linear(np.asarray(visual.face_colors)[:, :3] / 255.0)
             plain = _GREY if visual.kind is None else _WHITE
             material_ids = np.full(len(triangles), self._add(plain, plain))
-        if of_face is not None:
-            corners = triangles.ravel()
-            positions, colors = positions[corners], np.repeat(of_face, 3, axis=0)
-            normals = None if normals is None else normals[corners]
-            triangles = np.arange(len(corners)).reshape(-1, 3)
-        return Part(
+        part = Part(
             name=name,
-            positions=positions,
+            positions=np.asarray(mesh.vertices, dtype=np.float64),
             triangles=triangles,
             material_ids=material_ids,
-            normals=normals,
+            normals=_given_normals(mesh),
             uvs=uvs,
             colors=colors,
         )
+        return part if of_face is None else part.with_face_colors(of_face)
 
     def _material_ids(self, visual: Any, count: int) -> NDArray[np.int64]:
         several = getattr(visual.material, "materials", None)
@@ -109,9 +103,8 @@ class _Reader:
         return self._index[id(key)]
 
     def _material(self, source: Any) -> Material:
-        if isinstance(source, trimesh.visual.material.PBRMaterial):
-            return self._pbr(source)
-        return self._simple(source)
+        is_pbr = isinstance(source, trimesh.visual.material.PBRMaterial)
+        return self._pbr(source) if is_pbr else self._simple(source)
 
     def _pbr(self, source: Any) -> Material:
         color = _factor(source.baseColorFactor, (1.0, 1.0, 1.0, 1.0))

@@ -41,14 +41,14 @@ _ATTRIBUTES = {
     "COLOR_0": ("_COLOR", ("VEC3", "VEC4")),
     **{f"TEXCOORD_{i}": (f"_UV{i}", ("VEC2",)) for i in range(8)},
 }
-"""What is read: under which name trimesh gets it, and which types it may have."""
+"""Attributes that are read: the name that trimesh gets, and the types that each may have."""
 
 _MOST_PARTS = 250_000
 _MOST_BYTES = 1 << 32
 """Of all buffer views in use; views may overlap, so that a small file can ask for far more."""
 
 
-def read_gltf(path: Path, textures: TextureSet) -> Contents:
+def read(path: Path, textures: TextureSet) -> Contents:
     """Read a glTF file: every instance of every triangle mesh of its default scene, and its view.
 
     The albedo is the base colour, also of a metal (its reflection is as coloured, but not
@@ -99,8 +99,7 @@ class _Geometry:
     """
 
     def __init__(self, document: Json, views: list[memoryview]) -> None:
-        self._document = document
-        self._views = views
+        self._document, self._views = document, views
         self._primitives: list[Json] = []
         self._accessors: list[Json] = []
         self._buffer_views: list[Json] = []
@@ -143,10 +142,9 @@ class _Geometry:
         attributes: Json = primitive["attributes"]
         data: dict[str, Any] = dict(mesh.vertex_attributes)
         triangles = np.asarray(mesh.faces, dtype=np.int64)
-        normals = self._optional(attributes, "NORMAL", data.get("_NORMAL"))
-        colors = self._optional(attributes, "COLOR_0", data.get("_COLOR"))
-        key = f"TEXCOORD_{material.uv_set}"
-        uvs = self._optional(attributes, key, data.get(f"_UV{material.uv_set}"))
+        keys = "NORMAL", "COLOR_0", f"TEXCOORD_{material.uv_set}"
+        given = ((key, data.get(_ATTRIBUTES[key][0]) if key in _ATTRIBUTES else None) for key in keys)
+        normals, colors, uvs = (None if v is None else self._floats(attributes, key, v) for key, v in given)
         return Part(
             name=name,
             positions=self._floats(attributes, "POSITION", np.asarray(mesh.vertices)),
@@ -156,9 +154,6 @@ class _Geometry:
             uvs=None if uvs is None else material.laid_out(uvs),
             colors=None if colors is None else np.clip(colors[:, :3], 0.0, None),
         )
-
-    def _optional(self, attributes: Json, key: str, values: NDArray[Any] | None) -> NDArray[np.float64] | None:
-        return None if values is None else self._floats(attributes, key, values)
 
     def _floats(self, attributes: Json, key: str, values: NDArray[Any]) -> NDArray[np.float64]:
         """Return `values` of an attribute as numbers; normalised integers come to [-1, 1]."""

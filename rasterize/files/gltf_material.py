@@ -48,10 +48,7 @@ class GltfMaterials:
 
     def __init__(self, document: Json, views: list[memoryview], folder: Path, textures: TextureSet) -> None:
         self.in_order: list[Material] = []
-        self._document = document
-        self._views = views
-        self._folder = folder
-        self._textures = textures
+        self._document, self._views, self._folder, self._textures = document, views, folder, textures
         self._known: dict[int | None, tuple[int, GltfMaterial]] = {}
         self._images: dict[int, NDArray[np.uint8]] = {}
 
@@ -82,12 +79,11 @@ class GltfMaterials:
         color = np.clip(factor, 0.0, 1.0)
         mode = source.get("alphaMode", "OPAQUE")
         cutoff = {"MASK": float(source.get("alphaCutoff", 0.5)), "BLEND": 0.5}.get(mode, 0.0)
-        texture, uv_set, uv_matrix = -1, 0, None
+        texture, uv_set, uv_matrix, image, base = -1, 0, None, None, color[:3]
         if laid is not None:
-            texture = self._textures.add(self._image(laid["index"]))
+            image = self._image(laid["index"])
+            texture, base = self._textures.add(image), base * mean_color(image)
             uv_set, uv_matrix = _layout(laid)
-        image = None if laid is None else self._image(laid["index"])
-        base = color[:3] if image is None else color[:3] * mean_color(image)
         lobe = self._lobe(source, base)
         through = self._through(source)
         matt = lobe.matt * (1.0 - through)
@@ -122,29 +118,23 @@ class GltfMaterials:
         metal = float(factors.get("metallicFactor", 1.0))
         roughness = float(factors.get("roughnessFactor", 1.0))
         laid = factors.get("metallicRoughnessTexture")
-        if laid is not None:
-            image = self._image(laid["index"])
-            roughness *= float(image[..., 1].mean()) / 255.0
-            metal *= float(image[..., 2].mean()) / 255.0
-        return metal_rough_lobe(base, metal, roughness)
+        return metal_rough_lobe(base, metal * self._mean(laid, 2), roughness * self._mean(laid, 1))
+
+    def _mean(self, laid: Json | None, channel: int) -> float:
+        """Return the mean of a texture's channel in [0, 1]; 1 without a texture."""
+        return 1.0 if laid is None else float(self._image(laid["index"])[..., channel].mean()) / 255.0
 
     def _through(self, source: Json) -> float:
-        """Return the share of the base colour that light passes by; a texture counts with its
-        mean."""
+        """Return the share of the base colour that is transmitted; a texture counts with its mean."""
         thin: Json = source.get("extensions", {}).get("KHR_materials_transmission", {})
-        factor = float(thin.get("transmissionFactor", 0.0))
-        laid = thin.get("transmissionTexture")
-        if laid is not None:
-            factor *= float(self._image(laid["index"])[..., 0].mean()) / 255.0
+        factor = float(thin.get("transmissionFactor", 0.0)) * self._mean(thin.get("transmissionTexture"), 0)
         return min(max(factor, 0.0), 1.0)
 
     def _emission(self, source: Json, index: int) -> tuple[float, float, float]:
         """Return the radiance; an emissive texture counts with its mean, as emission is uniform."""
-        strength = float(
-            source.get("extensions", {}).get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
-        )
-        factor = source.get("emissiveFactor", [0.0] * 3)
-        emission = np.array(factor, dtype=np.float64) * strength
+        strong: Json = source.get("extensions", {}).get("KHR_materials_emissive_strength", {})
+        factor = np.array(source.get("emissiveFactor", [0.0] * 3), dtype=np.float64)
+        emission = factor * float(strong.get("emissiveStrength", 1.0))
         if not (emission <= MOST_LIGHT).all():  # false for NaN as well
             raise SceneError(
                 f"material {index} emits {emission.tolist()}: expected finite numbers up to "

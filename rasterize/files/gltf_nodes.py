@@ -1,4 +1,4 @@
-"""The nodes of a glTF document: where each of them stands."""
+"""The nodes of a glTF document: the place of each in the scene."""
 
 from __future__ import annotations
 
@@ -47,7 +47,9 @@ def placed_nodes(document: Json) -> list[tuple[int, NDArray[np.float64]]]:
     while waiting:
         index, above = waiting.pop()
         node = nodes[index]
-        matrix = _multiplied(above, _local(node))
+        # Whatever overflows is refused where it is used, with the name of the mesh.
+        with np.errstate(over="ignore", invalid="ignore"):
+            matrix = np.dot(above, _local(node))
         placed.append((index, matrix))
         waiting += [(child, matrix) for child in node.get("children", [])]
     return placed
@@ -74,20 +76,10 @@ def _local(node: Json) -> NDArray[np.float64]:
     if "translation" in node:
         moved = np.eye(4)
         moved[:3, 3] = node["translation"]
-        matrix = _multiplied(matrix, moved)
+        matrix = np.dot(matrix, moved)
     if "rotation" in node:
         x, y, z, w = np.array(node["rotation"], dtype=np.float64)
-        with np.errstate(over="ignore", invalid="ignore"):
-            turned = np.asarray(_turned_by([w, x, y, z]))
-        matrix = _multiplied(matrix, turned)
+        matrix = np.dot(matrix, np.asarray(_turned_by([w, x, y, z])))
     if "scale" in node:
-        scale = np.array(node["scale"], dtype=np.float64)
-        matrix = _multiplied(matrix, np.diag([*scale, 1.0]))
+        matrix = np.dot(matrix, np.diag([*np.array(node["scale"], dtype=np.float64), 1.0]))
     return matrix
-
-
-def _multiplied(left: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
-    # Whatever overflows is refused where it is used, with the name of the mesh.
-    with np.errstate(over="ignore", invalid="ignore"):
-        product: NDArray[np.float64] = np.dot(left, right)
-    return product

@@ -1,4 +1,4 @@
-"""What a glTF document says that is not drawn, or drawn in another way: a line for each."""
+"""Notes on a glTF document: a line for each feature that is not drawn, or drawn in another way."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def notes_of(document: Json, materials: Iterable[int]) -> Iterator[str]:
 
 
 def _features(material: Json) -> Iterator[str]:
-    """Yield what of a material is not drawn."""
+    """Yield the features of a material that are not drawn."""
     if material.get("alphaMode") == "BLEND":
         yield "G-buffers and shadows have blended surfaces where their opacity is 0.5 or more"
     yield from (text for field, text in _MATERIAL_FIELDS.items() if field in material)

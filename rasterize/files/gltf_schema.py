@@ -1,7 +1,7 @@
-"""What the JSON of a glTF document must look like as far as it is read: types, counts, numbers.
+"""Schema of a glTF document's JSON as far as it is read: types, counts, numbers.
 
-Everything that is used later is looked at here once, so that a fault is named with its place and
-no other module meets a value of the wrong type.
+Every value that is used later is checked here once, so that a fault is named with its place and no
+other module meets a value of the wrong type.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from itertools import chain, count
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +39,7 @@ def lights_of(document: Json, placed: list[tuple[int, Matrix]], notes: list[str]
         if reference is None:
             continue
         source: Json = item(entries, reference["light"], f"the light of node {index}")
-        name = _name(node, source, "light", index)
+        name = shown(node.get("name") or source.get("name") or f"light {index}")
         try:
             with np.errstate(over="ignore", invalid="ignore"):  # refused by the light
                 lights.append(_light(source, matrix))
@@ -104,21 +104,14 @@ def cameras_of(document: Json, placed: list[tuple[int, Matrix]], notes: list[str
             continue
         source: Json = item(entries, node["camera"], f"the camera of node {index}")
         plain = str(node.get("name") or source.get("name") or f"camera {index}")
-        name = next(each for each in _numbered(plain) if each not in cameras)
+        numbered = (f"{plain} ({number})" for number in count(2))
+        name = next(each for each in chain([plain], numbered) if each not in cameras)
         try:
             with np.errstate(over="ignore", invalid="ignore"):  # refused by the camera
                 cameras[name] = _camera(source, matrix)
         except (ValueError, TypeError) as error:
             notes.append(f"camera {shown(name)} is left out: {error}")
     return cameras
-
-
-def _numbered(name: str) -> Iterator[str]:
-    yield name
-    count = 2
-    while True:
-        yield f"{name} ({count})"
-        count += 1
 
 
 def _camera(source: Json, matrix: Matrix) -> SceneCamera:
@@ -159,7 +152,3 @@ def _axis(matrix: Matrix, index: int) -> NDArray[np.float64]:
     if not 1e-30 < length < 1e30:
         raise ValueError("the axes of its node have no usable length")
     return axis / length
-
-
-def _name(node: Json, source: Json, otherwise: str, index: int) -> str:
-    return shown(node.get("name") or source.get("name") or f"{otherwise} {index}")

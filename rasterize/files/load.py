@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,6 @@ from ssgi_cl.core import checks
 from ssgi_cl.core.errors import SceneError, SsgiError
 from ssgi_cl.core.keywords import checked_keywords
 from ssgi_cl.core.scene import Scene
-from ssgi_cl.rasterize.files.obj import read_obj
 from ssgi_cl.rasterize.files.textures import TextureSet
 from ssgi_cl.rasterize.normals import DEFAULT_CREASE_ANGLE
 from ssgi_cl.rasterize.parts import Contents, assemble
@@ -21,28 +20,9 @@ from ssgi_cl.rasterize.parts import Contents, assemble
 if TYPE_CHECKING:
     import trimesh
 
-_Reader = Callable[[Path, TextureSet], Contents]
-
-
-def _read_gltf(path: Path, textures: TextureSet) -> Contents:
-    from ssgi_cl.rasterize.files.gltf import read_gltf
-
-    return read_gltf(path, textures)
-
-
-def _read_ply(path: Path, textures: TextureSet) -> Contents:
-    from ssgi_cl.rasterize.files.ply import read_ply
-
-    return Contents(*read_ply(path, textures))
-
-
-def _read_obj(path: Path, textures: TextureSet) -> Contents:
-    return Contents(*read_obj(path, textures))
-
-
-# trimesh is imported where it is needed: it takes as long as all the rest of the library.
-READERS: dict[str, _Reader] = {".glb": _read_gltf, ".gltf": _read_gltf, ".obj": _read_obj, ".ply": _read_ply}
-"""Which function reads which kind of file; see each for what it keeps and what it leaves out."""
+# A module is imported when it is needed: trimesh takes as long as all the rest of the library.
+READERS = {".glb": "gltf", ".gltf": "gltf", ".obj": "obj", ".ply": "ply"}
+"""Modules that read files, by their suffix: `read` in each, which says what it keeps and what it leaves out."""
 
 
 @checked_keywords
@@ -75,16 +55,16 @@ def load_scene(
     if not isinstance(source, (str, os.PathLike)):
         from ssgi_cl.rasterize.files.from_trimesh import read_trimesh
 
-        return _joined(Contents(*read_trimesh(source, textures)), textures, angle)
+        return _joined(read_trimesh(source, textures), textures, angle)
     path = Path(source)
     if not path.is_file():
         raise SceneError(f"{path}: there is no such file")
-    reader = READERS.get(path.suffix.lower())
-    if reader is None:
-        kinds = ", ".join(READERS)
-        raise SceneError(f"{path} ends in {path.suffix!r}: expected one of {kinds}")
+    module = READERS.get(path.suffix.lower())
+    if module is None:
+        raise SceneError(f"{path} ends in {path.suffix!r}: expected one of {', '.join(READERS)}")
+    reader = import_module(f"ssgi_cl.rasterize.files.{module}")
     try:
-        return _joined(reader(path, textures), textures, angle)
+        return _joined(reader.read(path, textures), textures, angle)
     except SsgiError as error:
         if str(path.name) in str(error):
             raise

@@ -1,4 +1,4 @@
-"""Materials of metal and roughness, as glTF and trimesh have them, by albedo and a Phong lobe."""
+"""Materials of metal and roughness, as glTF and trimesh have them, as albedo and a Phong lobe."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MOST_GLOSS = 1e6
 
 @dataclass(frozen=True, kw_only=True)
 class Lobe:
-    """What a surface reflects.
+    """Reflection of a surface.
 
     Attributes:
         matt: what the base colour is times to be the albedo: 1 less the metal.

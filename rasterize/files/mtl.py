@@ -109,11 +109,8 @@ def _numbers(key: str, words: list[str], material: str) -> list[float]:
             break
         if key == "d" and word.lower() == "-halo":
             continue
-        try:
-            values.append(float(word))
-        except ValueError:
-            raise SceneError(f"material {shown(material)}: {key} {shown(' '.join(words))}: expected numbers") from None
-    if not values or not all(math.isfinite(value) for value in values):
+        values.append(_number(word))
+    if not values or not all(map(math.isfinite, values)):
         raise SceneError(f"material {shown(material)}: {key} {shown(' '.join(words))}: expected finite numbers")
     return values
 
@@ -129,7 +126,7 @@ def _map(text: str, material: str) -> _Map:
             place += _OPTION_WORDS[option]
             continue
         values: list[float] = []
-        while place < len(words) and len(values) < 3 and _is_number(words[place]):
+        while place < len(words) and len(values) < 3 and math.isfinite(_number(words[place])):
             values.append(float(words[place]))
             place += 1
         both = (values[0], values[1] if len(values) > 1 else values[0]) if values else (1.0, 1.0)
@@ -144,11 +141,12 @@ def _map(text: str, material: str) -> _Map:
     return result
 
 
-def _is_number(word: str) -> bool:
+def _number(word: str) -> float:
+    """Return a word as a number, NaN if it is none."""
     try:
-        return math.isfinite(float(word))
+        return float(word)
     except ValueError:
-        return False
+        return math.nan
 
 
 def _material(entry: _Entry, texture: int) -> MtlMaterial:

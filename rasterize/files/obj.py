@@ -18,7 +18,7 @@ from ssgi_cl.core.scene import Material
 from ssgi_cl.rasterize.files.mtl import MtlMaterial, read_mtl
 from ssgi_cl.rasterize.files.polygons import triangulate
 from ssgi_cl.rasterize.files.textures import TextureSet, is_file, read_beside, srgb_to_linear
-from ssgi_cl.rasterize.parts import Part
+from ssgi_cl.rasterize.parts import Contents, Part
 
 _MISSING_SLASHES = (b"/0/0", b"/0", b"")
 
@@ -38,7 +38,7 @@ class _Statements:
     libraries: list[str] = field(default_factory=list)
 
 
-def read_obj(path: Path, textures: TextureSet) -> tuple[list[Part], list[Material]]:
+def read(path: Path, textures: TextureSet) -> Contents:
     """Read an OBJ file and its material libraries.
 
     Polygons are cut into triangles. Colours that follow the position of a vertex are taken as
@@ -77,13 +77,13 @@ def read_obj(path: Path, textures: TextureSet) -> tuple[list[Part], list[Materia
         uvs=uvs * scale + offset,
         colors=None if colors is None else colors[used[:, 0]],
     )
-    return [part], [m.material for m in found]
+    return Contents([part], [m.material for m in found])
 
 
 def _sort_lines(text: str) -> _Statements:
     found = _Statements()
-    vertices, uvs, normals, faces = found.vertices, found.uvs, found.normals, found.faces
-    before, material_of_face = found.before, found.material_of_face
+    lists = {"v": found.vertices, "vt": found.uvs, "vn": found.normals}
+    faces, before, material_of_face = found.faces, found.before, found.material_of_face
     names: dict[str, int] = {}
     material = -1
     for line in text.replace("\\\r\n", " ").replace("\\\n", " ").split("\n"):
@@ -91,17 +91,13 @@ def _sort_lines(text: str) -> _Statements:
         if len(words) < 2:
             continue
         key, rest = words
-        if key == "v":
-            vertices.append(rest)
-        elif key == "vt":
-            uvs.append(rest)
-        elif key == "vn":
-            normals.append(rest)
+        if key in lists:
+            lists[key].append(rest)
         elif key == "f":
             if material < 0:
                 material = names.setdefault("", len(names))
             faces.append(rest)
-            before.append((len(vertices), len(uvs), len(normals)))
+            before.append((len(found.vertices), len(found.uvs), len(found.normals)))
             material_of_face.append(material)
         elif key == "usemtl":
             material = names.setdefault(rest.strip(), len(names))

@@ -14,12 +14,12 @@ from ssgi_cl.core.errors import SceneError
 from ssgi_cl.core.scene import Material
 from ssgi_cl.rasterize.files.ply_header import PlyHeader, read_header
 from ssgi_cl.rasterize.files.textures import TextureSet, read_beside, srgb_to_linear
-from ssgi_cl.rasterize.parts import Part
+from ssgi_cl.rasterize.parts import Contents, Part
 
 _INDEX_LISTS = ("vertex_indices", "vertex_index")
 
 
-def read_ply(path: Path, textures: TextureSet) -> tuple[list[Part], list[Material]]:
+def read(path: Path, textures: TextureSet) -> Contents:
     """Read a PLY file of triangles and quadrilaterals, text or binary.
 
     Colours (red, green, blue of vertices, else of faces; integers of their type's range or
@@ -38,35 +38,27 @@ def read_ply(path: Path, textures: TextureSet) -> tuple[list[Part], list[Materia
     positions = np.asarray(loaded.vertices, dtype=np.float64)
     triangles = np.asarray(loaded.faces, dtype=np.int64)
     untouched = len(positions) == raw["vertex"]["length"]
-    normals = _columns(raw["vertex"], ("nx", "ny", "nz")) if untouched else None
-    colors = _colors(raw["vertex"]) if untouched else None
     uvs = getattr(loaded.visual, "uv", None)
-    uvs = None if uvs is None else np.asarray(uvs, dtype=np.float64)
-    if colors is None and (of_face := _colors(raw["face"])) is not None:
-        if len(of_face) != len(triangles):
-            raise SceneError(f"{path} has colours of quadrilaterals: cut them into triangles")
-        corners = triangles.ravel()
-        positions, colors = positions[corners], np.repeat(of_face, 3, axis=0)
-        normals = None if normals is None else normals[corners]
-        uvs = None if uvs is None else uvs[corners]
-        triangles = np.arange(len(corners)).reshape(-1, 3)
-    texture = -1
-    if header.texture and uvs is not None:
-        what = f"the TextureFile of {path.name}"
-        image = read_beside(path.parent, header.texture, what)
-        texture = textures.add(textures.decode(image, what))
-    white = texture >= 0 or colors is not None
-    material = Material(albedo=(1.0, 1.0, 1.0)) if white else Material()
     part = Part(
         name=path.name,
         positions=positions,
         triangles=triangles,
         material_ids=np.zeros(len(triangles), dtype=np.int64),
-        normals=normals,
-        uvs=uvs,
-        colors=colors,
+        normals=_columns(raw["vertex"], ("nx", "ny", "nz")) if untouched else None,
+        uvs=None if uvs is None else np.asarray(uvs, dtype=np.float64),
+        colors=_colors(raw["vertex"]) if untouched else None,
     )
-    return [part], [material]
+    if part.colors is None and (of_face := _colors(raw["face"])) is not None:
+        if len(of_face) != len(triangles):
+            raise SceneError(f"{path} has colours of quadrilaterals: cut them into triangles")
+        part = part.with_face_colors(of_face)
+    texture = -1
+    if header.texture and part.uvs is not None:
+        what = f"the TextureFile of {path.name}"
+        image = read_beside(path.parent, header.texture, what)
+        texture = textures.add(textures.decode(image, what))
+    white = texture >= 0 or part.colors is not None
+    return Contents([part], [Material(albedo=(1.0, 1.0, 1.0)) if white else Material()])
 
 
 def _decoded(header: PlyHeader, data: bytes, path: Path) -> trimesh.Trimesh:
@@ -74,10 +66,8 @@ def _decoded(header: PlyHeader, data: bytes, path: Path) -> trimesh.Trimesh:
     file = io.BytesIO(header.bytes + data[header.start :])
     try:
         with np.errstate(invalid="ignore", over="ignore"):
-            loaded = trimesh.load(
-                file, file_type="ply", process=False, validate=False,
-                fix_texture=header.corner_uvs, skip_materials=True,
-            )  # fmt: skip
+            options: dict[str, Any] = {"process": False, "validate": False, "skip_materials": True}
+            loaded = trimesh.load(file, file_type="ply", fix_texture=header.corner_uvs, **options)
     except MemoryError:
         raise
     except Exception as error:  # the header is sound, so whatever fails, fails at the data

@@ -30,7 +30,7 @@ class _Element:
 
 @dataclass(frozen=True)
 class PlyHeader:
-    """What the header of a PLY file says.
+    """The header of a PLY file.
 
     Attributes:
         texture: the file that a `TextureFile` comment names, or "".

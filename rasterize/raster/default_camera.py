@@ -50,7 +50,7 @@ _HORIZONTAL = {0: (1.0, 0.0, 0.0), 1: (-1.0, 0.0, 0.0), 4: (0.0, 0.0, 1.0), 5: (
 
 @dataclass(frozen=True, eq=False)
 class _Look:
-    """What is seen from a point: faces +x, -x, +y, -y, +z, -z of a cube round it, or some of them.
+    """The view all round a point: faces +x, -x, +y, -y, +z, -z of a cube round it, or some of them.
 
     Attributes:
         eye: [3], world space.
@@ -89,8 +89,10 @@ def _look(
     for camera in (cameras[face] for face in faces):
         seen = gbuffer(scene, camera, runtime=runtime)
         depth, normal = _drawn(seen, "depth"), _drawn(seen, "normal")
+        turn = np.eye(4)
+        turn[:3, :3] = camera.view[:3, :3]
         # The camera's axes without its position keep the directions exact far from the origin.
-        unit = Camera(view=_turned(camera.view), projection=camera.projection, width=camera.width, height=camera.height)
+        unit = Camera(view=turn, projection=camera.projection, width=camera.width, height=camera.height)
         way = unit.unproject(np.ones_like(depth))
         length = np.linalg.norm(way, axis=-1)
         way /= length[..., None]
@@ -114,12 +116,6 @@ def _detail(seen: GBuffer) -> Vector:
     change[:, 1:] += np.abs(np.diff(features, axis=1)).sum(axis=-1)
     change[1:] += np.abs(np.diff(features, axis=0)).sum(axis=-1)
     return np.minimum(change, 1.0)
-
-
-def _turned(view: Vector) -> Vector:
-    rotation = np.eye(4)
-    rotation[:3, :3] = view[:3, :3]
-    return rotation
 
 
 def default_camera(scene: Scene, width: int, height: int, yfov: float, runtime: Runtime) -> Camera:
@@ -318,33 +314,26 @@ def default_lights(scene: Scene, camera: Camera, runtime: Runtime, *, emission: 
     extent = Extent.of(scene)
     lit = emission and any(max(m.emission) > 0.0 for m in scene.materials)
     forward, eye = -camera.view[2, :3], camera.position
+    across = np.array([forward[0], 0.0, forward[2]])
+    length = float(np.linalg.norm(across))
+    level = across / length if length > 1e-6 else None
+    place: Vector | None = None
     if ((eye < extent.bounds[0]) | (eye > extent.bounds[1])).any():
         look = _look(scene, extent, extent.at(0.5, 0.5, 0.5), runtime)
         gap = _gap(look, extent) if look.is_enclosed else None
         if gap in _HORIZONTAL and -forward @ _HORIZONTAL[gap] > 0.5:
             place = look.eye + 0.3 * extent.size * _HORIZONTAL[gap]
-            return () if lit else (_punctual_light(_look(scene, extent, place, runtime)), _sky(0.6))
     else:
         look = _look(scene, extent, eye, runtime)
         if look.is_enclosed and float(np.isfinite(look.distance[_UP]).mean()) > 0.95:
-            place = _into_the_room(look, forward)
-            return () if lit else (_punctual_light(_look(scene, extent, place, runtime)), _sky(0.6))
-    level = np.array([forward[0], 0.0, forward[2]])
-    length = float(np.linalg.norm(level))
-    level = level / length if length > 1e-6 else np.array([0.0, 0.0, -1.0])
+            # Ahead of the eye, at its height.
+            place = look.eye if level is None else look.eye + level * 0.5 * look.clearance(level, math.radians(10.0))
+    if place is not None:
+        return () if lit else (_punctual_light(_look(scene, extent, place, runtime)), _sky(0.6))
+    level = np.array([0.0, 0.0, -1.0]) if level is None else level
     right = np.array([-level[2], 0.0, level[0]])
     sun = 0.65 * level + 0.55 * right - [0.0, 1.1, 0.0]
     return (DirectionalLight(sun, SUN_IRRADIANCE), _sky(1.0))
-
-
-def _into_the_room(look: _Look, forward: Vector) -> Vector:
-    """Return a place ahead of the eye, at its height."""
-    level = np.array([forward[0], 0.0, forward[2]])
-    length = float(np.linalg.norm(level))
-    if length < 1e-6:
-        return look.eye
-    way = level / length
-    return np.asarray(look.eye + way * 0.5 * look.clearance(way, math.radians(10.0)))
 
 
 def _punctual_light(look: _Look) -> PointLight:

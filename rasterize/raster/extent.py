@@ -1,4 +1,4 @@
-"""Where a scene is, and where the subject of a scene with a large backdrop is."""
+"""The extent of a scene, and that of the subject of a scene with a large backdrop."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from ssgi_cl.core.scene import Scene
 
 Vector = NDArray[np.float64]
-
 Vector32 = NDArray[np.float32]
 
 _MOST_TRIANGLES = 50_000

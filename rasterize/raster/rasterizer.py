@@ -6,91 +6,44 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import LARGEST_SIZE, Camera
 from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size, plane_bytes
 from ssgi_cl.device.constants import RASTER_COUNTERS, RASTER_RECORD, RASTER_TILE
 from ssgi_cl.device.gbuffer import DeviceGBuffer, WorldNormals
-from ssgi_cl.device.kernel import CPU_WIDTH, Kernel
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.device.structs import CAMERA, Struct, camera_values, floats
-from ssgi_cl.device.transient import ALIGNMENT
+from ssgi_cl.device.structs import CAMERA, camera_values
+from ssgi_cl.device.transient_chunks import ALIGNMENT
 from ssgi_cl.rasterize.raster.device_scene import BOXED, DeviceScene
+from ssgi_cl.rasterize.raster.raster_view import STRUCTS, VIEW, view_values
+from ssgi_cl.rasterize.raster.tile_regions import busy_region, widened
 
 TILE = RASTER_TILE
 RECORD = RASTER_RECORD
-WIDE = 256
-"""Columns of which a region has a multiple at least; work-groups on CPUs may be wider, and none may
-go beyond."""
-WORTH = 0.75
-"""Share of an image up to which an active region is one."""
 LEAST_VERTICES = 1 << 20
 """Bytes that are reserved for the vertices of a scene, however few there are."""
-PEEL = 1e-5
-"""A deeper layer begins this much behind the one before, relative to its depth."""
-
-VIEW = Struct(
-    "RasterView",
-    (
-        *floats("xx", "xy", "xz", "x", "yx", "yy", "yz", "y", "zx", "zy", "zz", "z"),
-        *floats("eye_x", "eye_y", "eye_z", "rest_x", "rest_y", "rest_z"),
-        *floats("columns", "rows", "near_depth", "far_depth", "furthest_d", "peel", "matt"),
-        *(
-            (name, "int")
-            for name in (
-                "tiles_x",
-                "tiles_y",
-                "capacity",
-                "pair_capacity",
-                "vertex_stride",
-                "triangle_stride",
-                "layer",
-                "margin_x",
-                "margin_y",
-            )
-        ),
-    ),
-)
-STRUCTS = (CAMERA, VIEW)
 
 
 @dataclass(frozen=True, eq=False)
 class _Visible:
-    """What each pixel of an image shows.
+    """The visibility buffer of an image.
 
     Attributes:
-        triangles: their numbers.
-        depths: what the depth test compares.
-        camera, view: that it was drawn with.
+        triangles: the number of the triangle in each pixel.
+        depths: the values that the depth test compares, None of an image that is shaded at once.
+        camera, view: the structs that it was drawn with.
     """
 
     triangles: DeviceArray
-    depths: DeviceArray
+    depths: DeviceArray | None
     camera: Any
     view: dict[str, Any]
 
 
-@dataclass(eq=False)
-class _Lists:
-    """What a frame needs until its pixels are drawn.
-
-    Attributes:
-        view, screen: vertices in view space and on the screen.
-        records, places: of the triangles that are seen, kernels/raster/records.clh.
-        list: the records that meet each tile.
-    """
-
-    view: DeviceArray
-    screen: DeviceArray
-    records: DeviceArray
-    places: DeviceArray
-    list: DeviceArray
-
-    def release(self) -> None:
-        """Give the memory to others."""
-        del self.view, self.screen, self.records, self.places, self.list
+_Lists = dict[str, DeviceArray]
+"""Memory of a frame until its pixels are drawn: "view" and "screen" of vertices; "records" and "places"
+of the visible triangles, kernels/raster/records.clh; and the "list" of records that meet each tile."""
 
 
 class Rasterizer:
@@ -126,10 +79,7 @@ class Rasterizer:
         lobes: bool = False,
     ) -> None:
         self.runtime = runtime
-        self.matt = matt
-        self.lobes = lobes
-        self.shaded = shaded
-        self.regions = regions
+        self.matt, self.lobes, self.shaded, self.regions = matt, lobes, shaded, regions
         if max(size[0] + 2 * margin[0], size[1] + 2 * margin[1]) > LARGEST_SIZE:
             raise ValueError(
                 f"size is {size} and margin {margin} (rows, columns): expected at most "
@@ -204,14 +154,8 @@ class Rasterizer:
             depth: images of its size, scene units; INFINITY where nothing is.
             image: number of the one to write.
         """
-        visible = self._last_visible
-        self.runtime.kernel("raster/raster_depth.cl", structs=STRUCTS).run(
-            self.target.whole,
-            depths=visible.depths,
-            depth=depth,
-            camera=visible.camera,
-            view=VIEW.pack({**visible.view, "layer": image}),
-        )
+        depths = self._last_visible.depths
+        self._queue("raster/raster_depth.cl", self.target.whole, layer=image, depths=depths, depth=depth)
 
     def hide_behind(self, front: DeviceGBuffer, found: DeviceArray) -> None:
         """Queue the pass that takes what lies behind others out of the image drawn last.
@@ -221,37 +165,37 @@ class Rasterizer:
             found: [1] int32, 0; becomes 1 if anything is left.
         """
         visible = self._last_visible
-        self.runtime.kernel("raster/raster_hidden.cl", structs=STRUCTS).run(
+        self._queue(
+            "raster/raster_hidden.cl",
             self.target.size,
             depths=visible.depths,
             front=front.depth,
             triangles=visible.triangles,
             found=found,
             whole=front.whole,
-            camera=visible.camera,
-            view=VIEW.pack(visible.view),
         )
 
     def write_opacity(self, scene: DeviceScene, target: DeviceGBuffer) -> None:
         """Queue the pass that fills `opacity` and `transmitted` of `target`, which has no margin,
         from the image drawn last."""
-        visible = self._last_visible
-        self.runtime.kernel("raster/raster_opacity.cl", structs=STRUCTS).run(
+        self._queue(
+            "raster/raster_opacity.cl",
             target.size,
-            triangles=visible.triangles,
-            faces=scene.faces,
-            vertices=scene.shading,
-            **_surface(scene),
+            **_surface(scene, self._last_visible.triangles),
             through=scene.through,
             opacity=target.opacity,
             transmitted=target.transmitted,
-            camera=visible.camera,
-            view=VIEW.pack(visible.view),
         )
 
+    def _queue(self, path: str, size: Size, *, layer: int = 0, **arguments: Any) -> None:
+        """Queue a kernel that reads the image drawn last."""
+        visible = self._last_visible
+        view = VIEW.pack({**visible.view, "layer": layer})
+        self.runtime.kernel(path, structs=STRUCTS).run(size, camera=visible.camera, view=view, **arguments)
+
     @property
-    def depths(self) -> DeviceArray:
-        """What the depth test compared in the image drawn last, which is not shaded."""
+    def depths(self) -> DeviceArray | None:
+        """The values that the depth test compared in the image drawn last, which is not shaded."""
         return self._last_visible.depths
 
     def write_every(self, step: int, scene: DeviceScene, target: DeviceGBuffer) -> None:
@@ -264,38 +208,31 @@ class Rasterizer:
             target: has no margin. The image's last rows and columns may lack a middle; there
                 nothing is seen.
         """
-        camera = self.target.camera
-        assert camera is not None  # noqa: S101  something was drawn
-        self._attributes(scene, True, step, emission=target.emits).run(
-            target.size,
-            camera=CAMERA.pack(camera_values(camera)),
-            view=VIEW.pack(self._view_values(scene, camera)),
-            **self._attribute_arguments(scene, target, self._last_visible.triangles),
-        )
+        self._write_attributes(step, scene, target, self._last_visible, emission=target.emits)
 
-    def write_gloss(self, step: int, scene: DeviceScene, specular: Plane, gloss: Plane) -> None:
-        """Queue the pass that says what the last layer of the image drawn last mirrors.
-
-        Args:
-            step, scene: as of `write_every`.
-            specular: 3 images, reflectance of the Phong lobe.
-            gloss: 1 image, its exponent.
-        """
-        self._write_gloss(step, scene, self._last_visible.triangles, specular, gloss)
-
-    def _write_gloss(
+    def write_gloss(
         self,
         step: int,
         scene: DeviceScene,
-        seen: DeviceArray,
         specular: Plane,
         gloss: Plane,
+        *,
+        visible: _Visible | None = None,
         region: Region | None = None,
     ) -> None:
+        """Queue the pass that writes the Phong lobes of the last layer of the image drawn last.
+
+        Args:
+            step, scene: as of `write_every`.
+            specular: 3 images, reflectance of the lobe.
+            gloss: 1 image, its exponent.
+            visible: the image; by default the one drawn last.
+            region: pixels to write; by default all.
+        """
         self.runtime.kernel("raster/raster_gloss.cl", {"RASTER_STEP": step}).run(
             gloss.size,
             region=region,
-            triangles=seen,
+            triangles=(visible or self._last_visible).triangles,
             faces=scene.faces,
             lobes=scene.lobes,
             specular=specular,
@@ -320,25 +257,20 @@ class Rasterizer:
         # In one piece with the rest, of which parts are of use to others afterwards.
         self._reserve(4 * (3 + 4) * scene.vertex_stride)
         array = self.runtime.transient.array
-        return _Lists(
-            view=array(3 * scene.vertex_stride, np.float32),
-            screen=array(4 * scene.vertex_stride, np.int32),
-            records=array(self._capacity * RECORD, np.int32),
-            places=array(self._capacity * 2, np.int32),
-            list=array(self._pair_capacity, np.int32),
-        )
+        ints = {"records": self._capacity * RECORD, "places": self._capacity * 2, "list": self._pair_capacity}
+        view, screen = array(3 * scene.vertex_stride, np.float32), array(4 * scene.vertex_stride, np.int32)
+        return {"view": view, "screen": screen, **{name: array(count, np.int32) for name, count in ints.items()}}
 
     def _sort(self, scene: DeviceScene, camera: Camera, lists: _Lists) -> None:
         """Queue the passes that list the triangles of each tile."""
         # Without the margin, which kernels add in whole pixels: it must not change a bit.
-        packed_camera = CAMERA.pack(camera_values(camera))
-        view = VIEW.pack(self._view_values(scene, camera))
+        packed_camera, view = CAMERA.pack(camera_values(camera)), VIEW.pack(self._view_values(scene, camera))
         tile_count = self._tiles[0] * self._tiles[1]
         self._vertices.run(
             (1, scene.vertices),
             positions=scene.positions,
-            view=lists.view,
-            screen=lists.screen,
+            view=lists["view"],
+            screen=lists["screen"],
             counters=self._counters,
             tiles=self._counts,
             camera=packed_camera,
@@ -351,10 +283,10 @@ class Rasterizer:
             boxes=scene.boxes,
             corners=scene.corners,
             vertices=scene.shading,
-            view=lists.view,
-            screen=lists.screen,
-            records=lists.records,
-            places=lists.places,
+            view=lists["view"],
+            screen=lists["screen"],
+            records=lists["records"],
+            places=lists["places"],
             tiles=self._counts,
             counters=self._counters,
             camera=packed_camera,
@@ -372,10 +304,10 @@ class Rasterizer:
         self._fill.run(
             (1, workers),
             grid=(1, workers),
-            records=lists.records,
-            places=lists.places,
+            records=lists["records"],
+            places=lists["places"],
             cursors=self._cursors,
-            list=lists.list,
+            list=lists["list"],
             counters=self._counters,
             view=view,
         )
@@ -386,24 +318,7 @@ class Rasterizer:
         if not self.regions:
             return [None for _ in layers]
         counts = np.diff(self._starts.download()).reshape(self._tiles)
-        return [self._region(counts > layer) for layer in layers]
-
-    def _region(self, busy: NDArray[np.bool_]) -> Region | None:
-        """Return the active region of these tiles, None if there is hardly anything beyond it."""
-        rows, columns = (np.flatnonzero(busy.any(axis=axis)) for axis in (1, 0))
-        if rows.size == 0:
-            return Region(0, 0, 0, 0)
-        first = int(rows[0]) * TILE, int(columns[0]) * TILE
-        region = self._widened(Region.between(first, (int(rows[-1] + 1) * TILE, int(columns[-1] + 1) * TILE)))
-        whole = self.target.whole
-        return region if region.rows * region.columns <= WORTH * whole[0] * whole[1] else None
-
-    def _widened(self, region: Region) -> Region:
-        """Return a region with columns for whole work-groups, within the image."""
-        group = max(WIDE, CPU_WIDTH * self.runtime.variant.lanes)
-        wide = -(-region.columns // group) * group
-        end = region.end[0], region.column + wide
-        return Region.between(region.first, end).inside(self.target.whole)
+        return [busy_region(counts > layer, self.target.whole, self.runtime.variant.lanes) for layer in layers]
 
     def _draw(self, scene: DeviceScene, camera: Camera, lists: _Lists, behind: DeviceArray | None) -> _Visible | None:
         """Queue the passes that draw pixels; return what they show unless they are shaded."""
@@ -433,75 +348,74 @@ class Rasterizer:
                 most_lanes=8,  # few triangles are wider; 1.5 to 2 times faster than 16 on a CPU
             )
             shaded = layer < target.attributes
-            values["layer"] = layer
-            view = VIEW.pack(values)
+            view = {**values, "layer": layer}
             now, before = depths[layer % 2], depths[layer % 2 - 1]
             before = behind if layer == 0 and behind is not None else before
+            visible = _Visible(seen, None if self.shaded else now, packed_camera, view)
             # What was seen there before is to be cleared.
             with target.previous_regions[layer].over(region, scene.emits) as over:
-                over = None if over is None else self._widened(over)
+                over = None if over is None else widened(over, whole, self.runtime.variant.lanes)
                 tiles.run(
                     whole,
                     grid=(self._tiles[0] * TILE // high, self._tiles[1] * TILE // wide),
                     local=self._group,
                     region=over,
                     cell=self._rectangle,
-                    records=lists.records,
+                    records=lists["records"],
                     starts=self._starts,
-                    list=lists.list,
+                    list=lists["list"],
                     previous=before,
                     corners=scene.corners,
-                    positions_view=lists.view,
+                    positions_view=lists["view"],
                     uvs=scene.uvs,
                     cutouts=scene.cutouts,
                     depths=now,
                     triangles=seen,
                     camera=packed_camera,
-                    view=view,
-                    **_surface(scene),
+                    view=VIEW.pack(view),
+                    **_materials(scene),
                 )
                 if late:
-                    lists.release()
+                    lists.clear()
                     if self.shaded:
                         del now, before, depths
                         target.take_world()
                 if not self.shaded:
-                    return _Visible(seen, now, packed_camera, values)
-                self._attributes(scene, shaded, 1, emission=scene.emits).run(
-                    whole,
-                    region=over,
-                    camera=packed_camera,
-                    view=view,
-                    **self._attribute_arguments(scene, target, seen),
-                )
+                    return visible
+                self._write_attributes(1, scene, target, visible, shaded=shaded, emission=scene.emits, region=over)
                 if target.mirrors and layer == 0:
-                    self._write_gloss(1, scene, seen, target.specular, target.gloss, over)
+                    self.write_gloss(1, scene, target.specular, target.gloss, visible=visible, region=over)
         return None
 
-    def _attributes(self, scene: DeviceScene, shaded: bool, step: int, *, emission: bool) -> Kernel:
-        return self.runtime.kernel(
-            "raster/raster_attributes.cl",
-            {
-                "RASTER_STEP": step,
-                "RASTER_SHADED": int(shaded),
-                "RASTER_TEXTURED": int(shaded and scene.textured),
-                "RASTER_COLORED": int(shaded and scene.colored),
-                "RASTER_EMISSION": int(shaded and emission),
-            },
-            STRUCTS,
-        )
-
-    def _attribute_arguments(self, scene: DeviceScene, target: DeviceGBuffer, seen: DeviceArray) -> dict[str, Any]:
-        return {
-            "triangles": seen,
-            "faces": scene.faces,
-            "vertices": scene.shading,
-            "depth": target.depth,
-            "normal": target.normal_world,
-            "albedo": target.albedo,
-            "emission": target.emission,
-            **_surface(scene),
+    def _write_attributes(
+        self,
+        step: int,
+        scene: DeviceScene,
+        target: DeviceGBuffer,
+        visible: _Visible,
+        *,
+        emission: bool,
+        shaded: bool = True,
+        region: Region | None = None,
+    ) -> None:
+        macros = {
+            "RASTER_STEP": step,
+            "RASTER_SHADED": int(shaded),
+            "RASTER_TEXTURED": int(shaded and scene.textured),
+            "RASTER_COLORED": int(shaded and scene.colored),
+            "RASTER_EMISSION": int(shaded and emission),
         }
+        self.runtime.kernel("raster/raster_attributes.cl", macros, STRUCTS).run(
+            target.whole,
+            region=region,
+            **_surface(scene, visible.triangles),
+            depth=target.depth,
+            normal=target.normal_world,
+            albedo=target.albedo,
+            emission=target.emission,
+            camera=visible.camera,
+            view=VIEW.pack(visible.view),
+        )
 
     @property
     def _last_visible(self) -> _Visible:
@@ -509,40 +423,23 @@ class Rasterizer:
         return self._visible
 
     def _view_values(self, scene: DeviceScene, camera: Camera) -> dict[str, Any]:
-        turn = camera.view[:3, :3]
-        # In float64: the camera's position relative to the scene's origin may be a small
-        # difference of large numbers.
-        shift = turn @ scene.origin + camera.view[:3, 3]
-        eye = camera.position - scene.origin
-        rest = eye - eye.astype(np.float32)
-        near_depth = max(camera.near, 1e-30)
-        far_depth = camera.far
-        orthographic = camera.is_orthographic
-        rows, columns = self.target.whole
-        return {
-            **dict(zip(("xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz"), turn.ravel(), strict=True)),
-            **dict(zip(("x", "y", "z"), shift, strict=True)),
-            **dict(zip(("eye_x", "eye_y", "eye_z"), eye, strict=True)),
-            **dict(zip(("rest_x", "rest_y", "rest_z"), rest, strict=True)),
-            "columns": columns,
-            "rows": rows,
-            "near_depth": near_depth,
-            "far_depth": far_depth,
-            "furthest_d": -far_depth if orthographic else 1.0 / far_depth,
-            "peel": 1.0 + PEEL if orthographic else 1.0 - PEEL,
-            "tiles_x": self._tiles[1],
-            "tiles_y": self._tiles[0],
-            "capacity": self._capacity,
-            "pair_capacity": self._pair_capacity,
-            "vertex_stride": scene.vertex_stride,
-            "triangle_stride": scene.triangle_stride,
-            "layer": 0,
-            "matt": float(self.matt),
-            "margin_x": self.target.margin[1],
-            "margin_y": self.target.margin[0],
-        }
+        return view_values(
+            scene,
+            camera,
+            self.target,
+            tiles_x=self._tiles[1],
+            tiles_y=self._tiles[0],
+            capacity=self._capacity,
+            pair_capacity=self._pair_capacity,
+            matt=float(self.matt),
+        )
 
 
-def _surface(scene: DeviceScene) -> dict[str, Any]:
-    """Return the arguments of kernels that say what surfaces are made of."""
+def _materials(scene: DeviceScene) -> dict[str, Any]:
+    """Return the arguments of kernels that hold materials and textures."""
     return {"materials": scene.materials, "textures": scene.textures, "texels": scene.texels, "decode": scene.decode}
+
+
+def _surface(scene: DeviceScene, seen: DeviceArray) -> dict[str, Any]:
+    """Return the arguments of kernels that look up the triangle in each pixel."""
+    return {"triangles": seen, "faces": scene.faces, "vertices": scene.shading, **_materials(scene)}

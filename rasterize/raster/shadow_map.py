@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core import checks
-from ssgi_cl.core.camera import Camera, look_at_matrix, perspective_matrix
+from ssgi_cl.core.camera import Camera, look_at_matrix, orthographic_matrix, perspective_matrix
 from ssgi_cl.core.gbuffer import ReflectiveShadowMap
-from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight, light_tuple
+from ssgi_cl.core.keywords import checked_keywords
+from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PunctualLight, SpotLight, light_tuple
 from ssgi_cl.core.scene import Scene, box_corners
 from ssgi_cl.device.arrays import Plane
 from ssgi_cl.device.gbuffer import VIEW_ROTATION, DeviceGBuffer
@@ -21,7 +22,10 @@ from ssgi_cl.rasterize.raster.device_scene import DeviceScene
 from ssgi_cl.rasterize.raster.rasterizer import Rasterizer
 from ssgi_cl.rasterize.raster.view import device_scene
 
-FLUX = Struct("FluxParams", floats("red", "green", "blue", "axis_x", "axis_y", "axis_z", "least_cosine"))
+Vector = NDArray[np.float64]
+
+_FLUX = ("red", "green", "blue", "axis_x", "axis_y", "axis_z", "least_cosine")
+FLUX = Struct("FluxParams", floats(*_FLUX))
 
 NEAR_SHARE = 1e-4
 """Near plane of a light's camera, as a share of the scene's extent seen from the light."""
@@ -61,9 +65,7 @@ class RsmRenderer:
         self._normals = runtime.kernel("rsm/rsm_normals.cl", structs=(VIEW_ROTATION,))
         self._specular: Plane | None = None
 
-    def render(
-        self, scene: DeviceScene, light: SpotLight | PointLight | DirectionalLight, camera: Camera, *, flux: bool = True
-    ) -> Plane | None:
+    def render(self, scene: DeviceScene, light: PunctualLight, camera: Camera, *, flux: bool = True) -> Plane | None:
         """Queue the passes for one face; return the plane of flux, if that is asked for."""
         self._rasterizer.render(scene, camera)
         if not flux:
@@ -82,7 +84,7 @@ class RsmRenderer:
         """Queue the pass that writes the depth of the face drawn last, see `Rasterizer`."""
         self._rasterizer.write_depth(depth, image)
 
-    def render_lobes(self, scene: DeviceScene, light: SpotLight | PointLight | DirectionalLight) -> None:
+    def render_lobes(self, scene: DeviceScene, light: PunctualLight) -> None:
         """Queue the passes that fill `specular_flux` and `gloss` for the face drawn last."""
         if self._specular is None:
             planes = [self.runtime.plane(n, self.target.size) for n in (3, 3, 1)]
@@ -94,7 +96,7 @@ class RsmRenderer:
         """Give memory that the next face is drawn to anew to others."""
         self._rasterizer.release()
 
-    def _write_flux(self, light: SpotLight | PointLight | DirectionalLight, reflectance: Plane, flux: Plane) -> None:
+    def _write_flux(self, light: PunctualLight, reflectance: Plane, flux: Plane) -> None:
         camera = self.target.camera
         assert camera is not None  # noqa: S101  a face was drawn
         self._kernel.run(
@@ -107,9 +109,7 @@ class RsmRenderer:
         )
 
 
-def light_cameras(
-    light: SpotLight | PointLight | DirectionalLight, bounds: NDArray[np.float64], size: int
-) -> tuple[Camera, ...]:
+def light_cameras(light: PunctualLight, bounds: Vector, size: int) -> tuple[Camera, ...]:
     """Return the cameras that see all that a light can reach: one, or six for a point light.
 
     Args:
@@ -151,9 +151,7 @@ def every_nth(camera: Camera, step: int) -> Camera:
 
 
 @serialised
-def rsm(
-    scene: Scene, light: SpotLight | PointLight | DirectionalLight, *, size: int = 512, runtime: Runtime | None = None
-) -> ReflectiveShadowMap:
+def rsm(scene: Scene, light: PunctualLight, *, size: int = 512, runtime: Runtime | None = None) -> ReflectiveShadowMap:
     """Draw the reflective shadow map of a light.
 
     Args:
@@ -173,7 +171,7 @@ def rsm(
         TypeError, ValueError: an argument of the wrong type or out of range.
     """
     size = checks.integer("size", size, low=1, high=8192, unit="texels")
-    if not isinstance(light, (SpotLight, PointLight, DirectionalLight)):
+    if not isinstance(light, PunctualLight):
         raise TypeError(f"light is {type(light).__name__}: expected a SpotLight, PointLight or DirectionalLight")
     runtime = runtime or Runtime.open()
     kept = device_scene(scene, runtime)
@@ -197,19 +195,12 @@ def rsm(
     arrays = [np.concatenate(parts) for parts in zip(*faces, strict=True)]
     for array in arrays:
         array.flags.writeable = False  # the map takes them over without a copy
-    depth, position, normal, power, *lobes = arrays
-    return ReflectiveShadowMap(
-        light=light,
-        camera=cameras if len(cameras) > 1 else cameras[0],
-        depth=depth,
-        position=position,
-        normal=normal,
-        flux=power,
-        specular_flux=lobes[0] if lobes else None,
-        gloss=lobes[1] if lobes else None,
-    )
+    names = ("depth", "position", "normal", "flux", "specular_flux", "gloss")
+    of_light = cameras if len(cameras) > 1 else cameras[0]
+    return ReflectiveShadowMap(light=light, camera=of_light, **dict(zip(names, arrays, strict=False)))
 
 
+@checked_keywords
 def shadow_maps(
     scene: Scene, lights: Sequence[Light], *, size: int = 1024, runtime: Runtime | None = None
 ) -> tuple[ReflectiveShadowMap | None, ...]:
@@ -236,49 +227,30 @@ def shadow_maps(
     )
 
 
-def _flux_values(light: SpotLight | PointLight | DirectionalLight, camera: Camera) -> dict[str, float]:
+def _flux_values(light: PunctualLight, camera: Camera) -> dict[str, float]:
     power = light.irradiance if isinstance(light, DirectionalLight) else light.intensity
-    red, green, blue = np.asarray(power).tolist()
     axis, least = np.array([0.0, 0.0, -1.0]), -2.0
     if isinstance(light, SpotLight):
         axis = camera.view[:3, :3] @ np.asarray(light.direction)
         least = math.cos(light.cone_angle)
-    return {
-        "red": red,
-        "green": green,
-        "blue": blue,
-        "axis_x": axis[0],
-        "axis_y": axis[1],
-        "axis_z": axis[2],
-        "least_cosine": least,
-    }
+    return dict(zip(_FLUX, (*np.asarray(power), *axis, least), strict=True))
 
 
-def _across(direction: NDArray[np.float64]) -> NDArray[np.float64]:
+def _across(direction: Vector) -> Vector:
     """Return a direction that is well away from parallel."""
-    axis: NDArray[np.float64] = np.eye(3)[int(np.argmin(np.abs(direction)))]
+    axis: Vector = np.eye(3)[int(np.argmin(np.abs(direction)))]
     return axis
 
 
-def _cube_camera(
-    position: NDArray[np.float64],
-    direction: NDArray[np.float64],
-    up: NDArray[np.float64],
-    scale: float,
-    near: float,
-    size: int,
-) -> Camera:
+def _cube_camera(position: Vector, direction: Vector, up: Vector, scale: float, near: float, size: int) -> Camera:
     # The target is a step away that a float64 position of any size can tell from the eye.
     step = max(1.0, float(np.abs(position).max()))
-    return Camera(
-        view=look_at_matrix(position, position + direction * step, up),
-        projection=perspective_matrix(scale, scale, 0.0, 0.0, near, math.inf),
-        width=size,
-        height=size,
-    )
+    view = look_at_matrix(position, position + direction * step, up)
+    projection = perspective_matrix(scale, scale, 0.0, 0.0, near, math.inf)
+    return Camera(view=view, projection=projection, width=size, height=size)
 
 
-def _directional_camera(direction: NDArray[np.float64], corners: NDArray[np.float64], size: int) -> Camera:
+def _directional_camera(direction: Vector, corners: Vector, size: int) -> Camera:
     centre = corners.mean(axis=0)
     radius = max(float(np.linalg.norm(corners - centre, axis=1).max()), 1e-30)
     step = max(radius, float(np.abs(centre).max()) * 1e-3)
@@ -289,15 +261,7 @@ def _directional_camera(direction: NDArray[np.float64], corners: NDArray[np.floa
     least, most = seen.min(axis=0), seen.max(axis=0)
     grow = (most - least) * (2.0 / size) + 1e-6 * radius
     least, most = least - grow, most + grow
-    near, far = radius * 0.5, radius * 3.5
-    projection = np.eye(4)
-    projection[0, 0], projection[0, 3] = _fit(least[0], most[0])
-    projection[1, 1], projection[1, 3] = _fit(least[1], most[1])
-    projection[2, 2] = -2.0 / (far - near)
-    projection[2, 3] = -(far + near) / (far - near)
+    across, centre = most - least, most + least
+    projection = orthographic_matrix(2.0 / across[0], 2.0 / across[1], radius * 0.5, radius * 3.5)
+    projection[:2, 3] = -centre[:2] / across[:2]
     return Camera(view=view, projection=projection, width=size, height=size)
-
-
-def _fit(least: float, most: float) -> tuple[float, float]:
-    """Return scale and offset that take [least, most] to [-1, 1]."""
-    return 2.0 / (most - least), -(most + least) / (most - least)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -89,15 +90,10 @@ def gbuffer(
         from ssgi_cl.rasterize.raster import opengl
 
         arrays = opengl.gbuffer_arrays(scene, camera.with_margin(margin), layers)
-        normal, albedo, emission = (arrays[name][:shaded] for name in ("normal", "albedo", "emission"))
-        return _host(
-            camera,
-            arrays["depth"],
-            normal,
-            albedo,
-            emission if emission.any() else None,
-            (arrays["specular"], arrays["gloss"]) if "gloss" in arrays else None,
-        )
+        arrays |= {name: arrays[name][:shaded] for name in ("normal", "albedo", "emission")}
+        if not arrays["emission"].any():
+            del arrays["emission"]
+        return _host(camera, arrays)
     return _drawn(scene, camera, layers, margin, shaded, runtime=runtime)
 
 
@@ -117,14 +113,13 @@ def downloaded(target: DeviceGBuffer) -> GBuffer:
     """Return a copy of a device G-buffer in host memory, normals in world space."""
     if target.camera is None:
         raise ValueError("the device G-buffer is empty: draw or upload something first")
-    return _host(
-        target.camera,
-        target.depth.download(),
-        _layers_of(target.normal_world),
-        _layers_of(target.albedo),
-        _layers_of(target.emission) if target.emits else None,
-        (_layers_of(target.specular)[0], target.gloss.download()[0]) if target.mirrors else None,
-    )
+    arrays = {"depth": target.depth.download()}
+    arrays |= {"normal": _layers_of(target.normal_world), "albedo": _layers_of(target.albedo)}
+    if target.emits:
+        arrays["emission"] = _layers_of(target.emission)
+    if target.mirrors:
+        arrays |= {"specular": _layers_of(target.specular)[0], "gloss": target.gloss.download()[0]}
+    return _host(target.camera, arrays)
 
 
 def _layers_of(plane: Plane) -> Floats:
@@ -132,27 +127,8 @@ def _layers_of(plane: Plane) -> Floats:
     return np.moveaxis(plane.download().reshape(-1, 3, *plane.size), 1, -1)
 
 
-def _host(
-    camera: Camera,
-    depth: Floats,
-    normal: Floats,
-    albedo: Floats,
-    emission: Floats | None,
-    lobes: tuple[Floats, Floats] | None,
-) -> GBuffer:
-    """Return a G-buffer of arrays whose first axis is that of layers, and of specular and gloss,
-    which have none."""
-    return GBuffer(
-        camera=camera,
-        depth=_flat(depth),
-        normal=_flat(normal),
-        albedo=_flat(albedo),
-        emission=None if emission is None else _flat(emission),
-        specular=None if lobes is None else lobes[0],
-        gloss=None if lobes is None else lobes[1],
-    )
-
-
-def _flat(array: Floats) -> Floats:
-    """Return the array without the axis of layers if there is one layer alone."""
-    return array[0] if len(array) == 1 else array
+def _host(camera: Camera, arrays: dict[str, Floats]) -> GBuffer:
+    """Return a G-buffer of arrays; those with an axis of layers lose it if there is one layer alone."""
+    layered = [name for name in ("depth", "normal", "albedo", "emission") if name in arrays]
+    flat: dict[str, Any] = arrays | {name: arrays[name][0] for name in layered if len(arrays[name]) == 1}
+    return GBuffer(camera=camera, **flat)

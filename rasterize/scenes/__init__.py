@@ -2,8 +2,7 @@
 
 A few are built in; as many as are wanted come from a generator, as KIND-SEED. Parameters are tuned
 on some (`TUNED_ON`), checked on others (`VALIDATED_ON`), and errors are reported on a third set
-(`REPORTED`, and meshes from files), so that no table shows how well parameters fit the very
-pictures that they were fitted to.
+(`REPORTED`, and meshes from files), so that no table reports the scenes of the fit.
 """
 
 from __future__ import annotations
@@ -26,13 +25,13 @@ BUILTIN_SCENES: dict[str, Callable[[], BuiltinScene]] = {
     "terrace": terrace,
     "workshop": workshop,
 }
-"""What makes each scene, by name."""
+"""Functions that make the built-in scenes, by name."""
 
 SCENE_NAMES = (
     f"{', '.join(BUILTIN_SCENES)}, or KIND-SEED with KIND one of {', '.join(KINDS)} and SEED an "
     f"integer from 0 to {MOST_SEED}, such as room-7"
 )
-"""What names of scenes there are, for messages."""
+"""Names of scenes, for messages."""
 
 REPORTED = ("cornell_box", "hall")
 """Scenes on which errors are reported; nothing is tuned on them or validated with them."""

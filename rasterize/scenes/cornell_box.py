@@ -14,7 +14,6 @@ import numpy as np
 from ssgi_cl.core.lights import SpotLight
 from ssgi_cl.core.scene import Material
 
-from ..normals import DEFAULT_CREASE_ANGLE
 from ..parts import Part, assemble
 from .builtin import BuiltinScene
 from .shapes import of_material, quad
@@ -62,7 +61,7 @@ def cornell_box() -> BuiltinScene:
     for top, outline in _BLOCKS:
         parts += _block(top, outline)
     metres = np.diag([1e-3, 1e-3, 1e-3, 1.0])
-    scene = assemble([part.transformed(metres) for part in parts], _MATERIALS, (), crease_angle=DEFAULT_CREASE_ANGLE)
+    scene = assemble([part.transformed(metres) for part in parts], _MATERIALS)
     area = (x1 - x0) * (z1 - z0) * 1e-6
     spot = SpotLight(
         position=(0.5e-3 * (x0 + x1), 1e-3 * (height - 1.0), 0.5e-3 * (z0 + z1)),

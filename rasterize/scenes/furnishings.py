@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..normals import DEFAULT_CREASE_ANGLE
 from ..parts import Part, complete
 from .shapes import grid, joined, lathe, moved, tube
 
@@ -29,7 +28,7 @@ def railing(x: float, floor: float, height: float, start: float, end: float) -> 
     count = round((end - start) / 0.14)
     places = start + (np.arange(count) + 0.5) * (end - start) / count
     profile = [(radius, 0.06), (radius, 0.42), (0.022, 0.46), (radius, 0.5), (radius, height)]
-    bar = complete(lathe(profile, 8), DEFAULT_CREASE_ANGLE)
+    bar = complete(lathe(profile, 8))
     bars = [moved(bar, x, floor, z) for z in places]
     rails = [
         tube(np.array([(x, floor + y, start), (x, floor + y, end)]), (1.0, 0.0, 0.0), radius, 12)

@@ -1,4 +1,4 @@
-"""A columned hall, open to the sun on one side: columns, arches, railings, cloth, round things.
+"""A columned hall, open to the sun on one side: columns, arches, railings, cloth, round objects.
 
 Metres; the nave runs along z, from the apse at -z to the entrance wall at +z; the open side is +x.
 """
@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from ssgi_cl.core.lights import DirectionalLight, Environment, SpotLight
 from ssgi_cl.core.scene import Material
 
-from ..normals import DEFAULT_CREASE_ANGLE
 from ..parts import Part, assemble, complete
+from . import shapes
 from .builtin import BuiltinScene
 from .furnishings import banner, railing
-from .shapes import box, grid, joined, lathe, mirrored_x, moved, of_material, quad, rounded, tube, turned
+from .shapes import box, grid, joined, lathe, moved, of_material, rounded, tube, turned
 
 _MATERIALS = (
     Material(name="limestone", albedo=(0.70, 0.64, 0.54)),
@@ -57,9 +57,8 @@ def hall() -> BuiltinScene:
     the sphere before the apse. The iron bars are 16 mm thick.
     """
     one_side = joined([*_columns(), *_arcade(), *_gallery(), of_material(_cornice(), _STONE), *_spandrel_cloth()])
-    one_side = complete(one_side, DEFAULT_CREASE_ANGLE)
-    parts = [one_side, mirrored_x(one_side), *_floor(), *_walls(), *_vault(), *_apse(), *_things()]
-    scene = assemble(parts, _MATERIALS, (), crease_angle=DEFAULT_CREASE_ANGLE)
+    one_side = complete(one_side)
+    parts = [one_side, shapes.mirrored_x(one_side), *_floor(), *_walls(), *_vault(), *_apse(), *_things()]
     lights = (
         DirectionalLight(direction=(-0.80, -0.46, -0.34), irradiance=(20.0, 17.5, 13.5)),
         Environment(radiance=(0.75, 1.0, 1.45)),
@@ -69,7 +68,7 @@ def hall() -> BuiltinScene:
     )
     return BuiltinScene(
         name="hall",
-        scene=scene,
+        scene=assemble(parts, _MATERIALS),
         eye=(1.5, 1.9, 12.2),
         target=(-0.9, 3.5, -2.0),
         yfov=1.05,
@@ -90,13 +89,9 @@ def _columns() -> list[Part]:
     along = (height - 0.42) / 3.46
     swelling = 0.34 - 0.05 * along**1.6  # entasis: the shaft thins faster the higher it gets
     shaft = lathe(np.stack([swelling, height], axis=1), 96, shape=flutes)
-    base = lathe(
-        np.concatenate([
-            rounded([(0.44, 0.14), (0.48, 0.18), (0.48, 0.24), (0.43, 0.28)], 4),
-            rounded([(0.38, 0.29), (0.37, 0.33), (0.40, 0.36), (0.36, 0.41), (0.33, 0.43)], 3),
-        ]),
-        48,
-    )  # fmt: skip
+    torus = rounded([(0.44, 0.14), (0.48, 0.18), (0.48, 0.24), (0.43, 0.28)], 4)
+    scotia = rounded([(0.38, 0.29), (0.37, 0.33), (0.40, 0.36), (0.36, 0.41), (0.33, 0.43)], 3)
+    base = lathe(np.concatenate([torus, scotia]), 48)
 
     def leaves(angle: NDArray[np.float64], height: NDArray[np.float64]) -> NDArray[np.float64]:
         # Two rows of eight leaves that lean outwards at their tips.
@@ -114,7 +109,7 @@ def _columns() -> list[Part]:
         box((-0.46, 4.28, -0.46), (0.46, _SPRINGING, 0.46)),
     ]
     column = joined([box((-0.5, 0.0, -0.5), (0.5, 0.14, 0.5)), base, shaft, *capital])
-    column = complete(of_material(column, _STONE), DEFAULT_CREASE_ANGLE)
+    column = complete(of_material(column, _STONE))
     return [moved(column, _ROW_X, 0.0, z) for z in _COLUMNS_Z]
 
 
@@ -122,7 +117,7 @@ def _arcade() -> list[Part]:
     """Return the wall on the columns, pierced by an arch in each bay."""
     inner, outer, top = _ROW_X - 0.3, _ROW_X + 0.3, _GALLERY - 0.3
     angle = np.linspace(0.0, np.pi, 41)
-    arch = np.stack([_ARCH_RADIUS * np.cos(angle), _ARCH_RADIUS * np.sin(angle)], axis=1)
+    arch = _ARCH_RADIUS * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     # The rays through the arch's points, prolonged to the upper and side edges of the bay.
     reach = np.minimum(
         0.5 * _BAY / np.maximum(np.abs(np.cos(angle)), 1e-9), (top - _SPRINGING) / np.maximum(np.sin(angle), 1e-9)
@@ -147,7 +142,7 @@ def _arcade() -> list[Part]:
         bar(inner, _ARCH_RADIUS + 0.22, 0.03),
         bar(outer, _ARCH_RADIUS + 0.05, 0.045),
     ])  # fmt: skip
-    bay = complete(of_material(bay, _STONE), DEFAULT_CREASE_ANGLE)
+    bay = complete(of_material(bay, _STONE))
     middles = np.concatenate([[_COLUMNS_Z[0] - 0.5 * _BAY], _COLUMNS_Z + 0.5 * _BAY])
     return [moved(bay, 0.0, 0.0, z) for z in middles[1:-1]] + [
         of_material(box((inner, _SPRINGING, z0), (outer, top, z1)), _STONE)
@@ -171,17 +166,11 @@ def _cornice() -> Part:
 
 def _gallery() -> list[Part]:
     """Return floor, railing, colonnettes and architrave of the upper storey."""
-    colonnette = lathe(
-        np.concatenate([
-            rounded([(0.16, 6.45), (0.17, 6.50), (0.17, 6.56), (0.12, 6.64)], 3),
-            [(0.115, 6.9), (0.115, 7.4), (0.11, 8.0), (0.10, 8.6), (0.095, 8.8)],
-            rounded([(0.12, 8.82), (0.12, 8.86), (0.10, 8.90), (0.14, 9.02), (0.18, 9.08)], 3),
-        ]),
-        32,
-    )  # fmt: skip
-    colonnette = complete(
-        of_material(joined([colonnette, box((-0.2, 9.08, -0.2), (0.2, 9.2, 0.2))]), _MARBLE), DEFAULT_CREASE_ANGLE
-    )
+    foot = rounded([(0.16, 6.45), (0.17, 6.50), (0.17, 6.56), (0.12, 6.64)], 3)
+    shaft = [(0.115, 6.9), (0.115, 7.4), (0.11, 8.0), (0.10, 8.6), (0.095, 8.8)]
+    head = rounded([(0.12, 8.82), (0.12, 8.86), (0.10, 8.90), (0.14, 9.02), (0.18, 9.08)], 3)
+    colonnette = lathe(np.concatenate([foot, shaft, head]), 32)
+    colonnette = complete(of_material(joined([colonnette, box((-0.2, 9.08, -0.2), (0.2, 9.2, 0.2))]), _MARBLE))
     places = np.concatenate([_COLUMNS_Z, _COLUMNS_Z[:-1] + 0.5 * _BAY])
     return [
         of_material(box((_ROW_X - 0.3, _GALLERY - 0.3, -_END_Z), (_OUTER_X, _GALLERY, _END_Z)), _STONE),
@@ -217,13 +206,8 @@ def _floor() -> list[Part]:
     shade = 0.88 + 0.12 * ((column * 73 + row * 151 + (column * row) % 17 * 31) % 97) / 96.0
     dark = (column + row) % 2 == 1
     tint = np.where(dark[:, None], [0.42, 0.33, 0.30], [1.0, 1.0, 1.0]) * shade[:, None]
-    tiles = Part(
-        name="floor",
-        positions=positions,
-        triangles=triangles,
-        material_ids=np.full(len(triangles), _FLOOR),
-        colors=np.repeat(tint, 4, axis=0),
-    )
+    tiles = of_material(shapes.mesh(positions, triangles, name="floor"), _FLOOR)
+    tiles = replace(tiles, colors=np.repeat(tint, 4, axis=0))
     u = np.linspace(-0.9, 0.9, 13)[None, :]
     v = np.linspace(-9.7, 13.8, 95)[:, None]
     ripple = 0.018 + 0.006 * np.sin(5.0 * v + 2.0 * u) * np.sin(1.7 * v)
@@ -237,11 +221,9 @@ def _floor() -> list[Part]:
 def _walls() -> list[Part]:
     """Return the closed side, the pillars and railings of the open one, and the entrance wall."""
     x, z, top = _OUTER_X, _END_Z, _VAULT
-    parts = [
-        quad([(-x, 0, z), (-x, 0, -z), (-x, top, -z), (-x, top, z)]),
-        quad([(x, 0, z), (-x, 0, z), (-x, top, z), (x, top, z)]),
-    ]
-    parts = [of_material(part, _PLASTER) for part in parts]
+    closed_side = shapes.quad([(-x, 0, z), (-x, 0, -z), (-x, top, -z), (-x, top, z)])
+    entrance = shapes.quad([(x, 0, z), (-x, 0, z), (-x, top, z), (x, top, z)])
+    parts = shapes.of_materials(([closed_side, entrance], _PLASTER))
     pilaster = of_material(box((-x, 0.0, -0.3), (-x + 0.18, _GALLERY - 0.3, 0.3)), _STONE)
     for place in _COLUMNS_Z:
         parts.append(moved(pilaster, 0.0, 0.0, place))
@@ -250,8 +232,8 @@ def _walls() -> list[Part]:
     parts.append(of_material(railing(x, _GALLERY, 1.0, -z, z), _IRON))
     hung = (_GREEN, _BLUE, _RED, _GOLD)
     for i, place in enumerate(_COLUMNS_Z[:-1] + 0.5 * _BAY):
-        cloth = turned(banner(1.5, 3.6, 1.7 * i), 0.5 * np.pi)
-        parts.append(of_material(moved(cloth, -x + 0.22, 5.2, place), hung[i % 4]))
+        cloth = moved(turned(banner(1.5, 3.6, 1.7 * i), 0.5 * np.pi), -x + 0.22, 5.2, place)
+        parts.append(of_material(cloth, hung[i % 4]))
     return parts
 
 
@@ -261,17 +243,10 @@ def _vault() -> list[Part]:
     radius = _ROW_X + 0.3
     z = np.linspace(-_END_Z, _END_Z, 61)
     arc = np.stack([radius * np.cos(angle), _VAULT + radius * np.sin(angle)], axis=1)
-    shell = np.stack(
-        [
-            np.broadcast_to(arc[:, 0], (len(z), len(angle))),
-            np.broadcast_to(arc[:, 1], (len(z), len(angle))),
-            np.broadcast_to(z[:, None], (len(z), len(angle))),
-        ],
-        axis=-1,
-    )
+    shell = np.stack(np.broadcast_arrays(arc[:, 0], arc[:, 1], z[:, None]), axis=-1)
     parts = [of_material(grid(shell[::-1]), _PLASTER)]
     rib = tube(np.stack([arc[:, 0], arc[:, 1], np.zeros(len(angle))], axis=1), (0.0, 0.0, 1.0), 0.14, 16)
-    rib = complete(of_material(rib, _STONE), DEFAULT_CREASE_ANGLE)
+    rib = complete(of_material(rib, _STONE))
     parts += [moved(rib, 0.0, 0.0, place) for place in _COLUMNS_Z]
     for turn in np.linspace(0.0, np.pi, 9)[1:-1]:
         x, y = radius * np.cos(turn), _VAULT + radius * np.sin(turn)
@@ -312,30 +287,20 @@ def _apse() -> list[Part]:
     ]
     for step in range(6):
         depth, half = 0.36 * step, _ROW_X - 0.55 - 0.12 * step
-        parts.append(
-            of_material(box((-half, 0.16 * step, -_END_Z - radius), (half, 0.16 * (step + 1), -10.0 - depth)), _MARBLE)
-        )
+        block = box((-half, 0.16 * step, -_END_Z - radius), (half, 0.16 * (step + 1), -10.0 - depth))
+        parts.append(of_material(block, _MARBLE))
     return parts
 
 
 def _things() -> list[Part]:
-    """Return what stands about: a sphere before the apse, vases, rings and spheres on pedestals."""
-    vase = lathe(
-        rounded(
-            [
-                (0.0, 0.0), (0.16, 0.0), (0.17, 0.03), (0.10, 0.08), (0.12, 0.14), (0.27, 0.34),
-                (0.31, 0.52), (0.24, 0.72), (0.13, 0.82), (0.13, 0.88), (0.20, 0.96), (0.19, 0.96),
-                (0.11, 0.88), (0.11, 0.80),
-            ],
-            4,
-        ),
-        64,
-    )  # fmt: skip
-    turn = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 41)
-    sphere = lathe(np.stack([np.cos(turn), np.sin(turn)], axis=1), 80)
-    around = np.linspace(0.0, 2.0 * np.pi, 65)
-    ring = np.stack([0.3 * np.cos(around), 0.40 + 0.3 * np.sin(around), np.zeros(len(around))], axis=1)
-    torus = tube(ring, (0.0, 0.0, 1.0), 0.1, 32)
+    """Return a sphere before the apse, and vases, rings and spheres on pedestals."""
+    outline = [
+        (0.0, 0.0), (0.16, 0.0), (0.17, 0.03), (0.10, 0.08), (0.12, 0.14), (0.27, 0.34), (0.31, 0.52), (0.24, 0.72),
+        (0.13, 0.82), (0.13, 0.88), (0.20, 0.96), (0.19, 0.96), (0.11, 0.88), (0.11, 0.80),
+    ]  # fmt: skip
+    vase = lathe(rounded(outline, 4), 64)
+    sphere = shapes.ball(1.0, 80)
+    torus = tube(0.3 * shapes.circle(64) + [0.0, 0.40, 0.0], (0.0, 0.0, 1.0), 0.1, 32)
     pedestal = joined([
         box((-0.34, 0.0, -0.34), (0.34, 0.10, 0.34)),
         lathe(rounded([(0.30, 0.10), (0.31, 0.15), (0.24, 0.2), (0.2, 0.5), (0.24, 0.82)], 4), 48),
@@ -343,8 +308,7 @@ def _things() -> list[Part]:
     ])  # fmt: skip
     small = replace(sphere, positions=0.34 * sphere.positions + [0.0, 0.34, 0.0])
     kinds = [of_material(vase, _TERRACOTTA), of_material(small, _BRONZE), of_material(torus, _MARBLE)]
-    kinds = [complete(joined([of_material(pedestal, _STONE), moved(kind, 0, 0.92, 0)]),
-                      DEFAULT_CREASE_ANGLE) for kind in kinds]  # fmt: skip
+    kinds = [complete(joined([of_material(pedestal, _STONE), moved(kind, 0, 0.92, 0)])) for kind in kinds]
     parts = []
     for i, z in enumerate((9.0, 3.0, -3.0)):
         parts.append(moved(kinds[i], -2.3, 0.0, z))

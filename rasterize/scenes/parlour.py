@@ -11,11 +11,10 @@ import numpy as np
 from ssgi_cl.core.lights import Environment, SpotLight
 from ssgi_cl.core.scene import Material
 
-from ..normals import DEFAULT_CREASE_ANGLE
 from ..parts import Part, assemble
 from .builtin import BuiltinScene
 from .scatter import between
-from .shapes import ball, box, grid, lathe, moved, of_material, rounded, turned
+from .shapes import ball, box, grid, lathe, moved, of_materials, rounded, turned
 
 _MATERIALS = (
     Material(name="wall", albedo=(0.78, 0.75, 0.68)),
@@ -32,12 +31,10 @@ _X, _Z, _TOP, _BACK, _THICK = 2.5, 2.2, 2.7, -5.2, 0.25
 
 def parlour() -> BuiltinScene:
     """Make the parlour: about 20,000 triangles, always the same; a lamp under each ceiling."""
-    parts = [
-        *_rooms(), *_arch(), *_sofa(), *_table(), *_bookcase(), *_steps(),
-    ]  # fmt: skip
+    parts = [*_rooms(), *_arch(), *_sofa(), *_table(), *_bookcase(), *_steps()]
     return BuiltinScene(
         name="parlour",
-        scene=assemble(parts, _MATERIALS, (), crease_angle=DEFAULT_CREASE_ANGLE),
+        scene=assemble(parts, _MATERIALS),
         eye=(1.9, 1.6, 1.9),
         target=(-0.7, 0.75, -1.2),
         yfov=1.0,
@@ -62,14 +59,9 @@ def _rooms() -> list[Part]:
         box((-_X, 0.0, _BACK - t), (_X, _TOP, _BACK)),
         box((-_X, _TOP - 0.22, -0.3), (_X, _TOP, 0.0)),
     ]
-    skirting = [
-        box((-_X, 0.0, _BACK), (-_X + 0.02, 0.12, _Z)), box((_X - 0.02, 0.0, _BACK), (_X, 0.12, _Z))
-    ]  # fmt: skip
+    skirting = [box((-_X, 0.0, _BACK), (-_X + 0.02, 0.12, _Z)), box((_X - 0.02, 0.0, _BACK), (_X, 0.12, _Z))]
     floor = box((-_X - t, -t, _BACK - t), (_X + t, 0.0, _Z + t))
-    return [
-        of_material(floor, _FLOOR), *[of_material(part, _WALL) for part in walls],
-        *[of_material(part, _WOOD) for part in skirting],
-    ]  # fmt: skip
+    return of_materials(([floor], _FLOOR), (walls, _WALL), (skirting, _WOOD))
 
 
 def _arch() -> list[Part]:
@@ -86,10 +78,9 @@ def _arch() -> list[Part]:
         grid(front), grid(back), grid(soffit),
         box((-_X, 0.0, far), (-half, _TOP, near)), box((half, 0.0, far), (_X, _TOP, near)),
     ]  # fmt: skip
-    profile = [(0.19, 0.0), (0.19, 0.1), (0.14, 0.16), (0.12, 1.3), (0.13, 2.2), (0.2, 2.4),
-               (0.2, _TOP)]  # fmt: skip
+    profile = [(0.19, 0.0), (0.19, 0.1), (0.14, 0.16), (0.12, 1.3), (0.13, 2.2), (0.2, 2.4), (0.2, _TOP)]
     walls += [moved(lathe(profile, 48), x, 0.0, near + 0.35) for x in (-1.35, 1.35)]
-    return [of_material(part, _WALL) for part in walls]
+    return of_materials((walls, _WALL))
 
 
 def _sofa() -> list[Part]:
@@ -102,10 +93,9 @@ def _sofa() -> list[Part]:
     ]  # fmt: skip
     cushion = turned(box((-0.07, 0.0, -0.22), (0.07, 0.42, 0.22)), 0.35)
     base += [moved(cushion, x + 0.36, 0.55, -0.6), moved(ball(0.17, 40), x + 0.5, 0.72, 0.85)]
-    profile = rounded([(0.0, 0.0), (0.3, 0.01), (0.36, 0.12), (0.34, 0.32), (0.2, 0.4), (0.0, 0.4)],
-                      6)  # fmt: skip
+    profile = rounded([(0.0, 0.0), (0.3, 0.01), (0.36, 0.12), (0.34, 0.32), (0.2, 0.4), (0.0, 0.4)], 6)
     base.append(moved(lathe(profile, 48), -0.7, 0.0, 1.3))
-    return [of_material(part, _CLOTH) for part in base]
+    return of_materials((base, _CLOTH))
 
 
 def _table() -> list[Part]:
@@ -117,14 +107,13 @@ def _table() -> list[Part]:
         moved(lathe(top, 64), 0.2, 0.0, -0.5), moved(lathe(leg, 40), 0.2, 0.0, -0.5),
         moved(lathe(stool, 32), 0.95, 0.0, 0.1), moved(lathe(stool, 32), -0.5, 0.0, -1.2),
     ]  # fmt: skip
-    bowl = rounded([(0.0, 0.0), (0.1, 0.01), (0.2, 0.12), (0.185, 0.12), (0.09, 0.03), (0.0, 0.02)],
-                   5)  # fmt: skip
+    bowl = rounded([(0.0, 0.0), (0.1, 0.01), (0.2, 0.12), (0.185, 0.12), (0.09, 0.03), (0.0, 0.02)], 5)
     jug = rounded([(0.0, 0.0), (0.07, 0.0), (0.1, 0.1), (0.045, 0.2), (0.06, 0.28)], 6)
     clay = [
         moved(lathe(bowl, 48), 0.35, 0.745, -0.3), moved(lathe(jug, 40), -0.05, 0.745, -0.6),
         moved(ball(0.06, 32), 0.3, 0.825, -0.3),
     ]  # fmt: skip
-    return [*[of_material(p, _WOOD) for p in wood], *[of_material(p, _CLAY) for p in clay]]
+    return of_materials((wood, _WOOD), (clay, _CLAY))
 
 
 def _bookcase() -> list[Part]:
@@ -142,14 +131,12 @@ def _bookcase() -> list[Part]:
         for z, width, height, inset in zip(start, thick, tall, out, strict=True):
             if z + width < z1 and not z < 0.5 * (z0 + z1) + 0.04 < z + width + 0.04:
                 books.append(box((x - deep + inset, y, z), (x - 0.02, y + height, z + width)))
-    return [*[of_material(p, _WOOD) for p in wood], *[of_material(p, _BOOK) for p in books]]
+    return of_materials((wood, _WOOD), (books, _BOOK))
 
 
 def _steps() -> list[Part]:
     """Return steps up to a platform in the back room, with a chest, balls and a leaning board."""
-    steps = [
-        box((-_X, 0.0, _BACK), (0.4, 0.17 * (i + 1), _BACK + 1.5 - 0.3 * i)) for i in range(4)
-    ]  # fmt: skip
+    steps = [box((-_X, 0.0, _BACK), (0.4, 0.17 * (i + 1), _BACK + 1.5 - 0.3 * i)) for i in range(4)]
     chest = turned(box((-0.4, 0.0, -0.25), (0.4, 0.45, 0.25)), 0.5)
     things = [moved(chest, 1.3, 0.0, -4.5)]
     foot, head = (1.75, 0.0), (2.45, 1.7)
@@ -157,7 +144,4 @@ def _steps() -> list[Part]:
     things += [grid(board), grid(board[:, ::-1])]
     balls = [moved(ball(r, 40), px, py + r, pz) for r, px, py, pz in (
         (0.28, -1.5, 0.68, -4.8), (0.15, -0.6, 0.34, -4.25), (0.22, 0.8, 0.0, -3.9))]  # fmt: skip
-    return [
-        *[of_material(p, _CLAY) for p in steps], *[of_material(p, _WOOD) for p in things],
-        *[of_material(p, _CLOTH) for p in balls],
-    ]  # fmt: skip
+    return of_materials((steps, _CLAY), (things, _WOOD), (balls, _CLOTH))

@@ -1,4 +1,4 @@
-"""Many copies of one part, placed by chance that is the same everywhere and always."""
+"""Copies of one part at many places, and numbers for them that are the same on every machine."""
 
 from __future__ import annotations
 
@@ -13,9 +13,17 @@ Doubles = NDArray[np.float64]
 
 
 def shares(seed: int, *shape: int) -> Doubles:
-    """Return numbers in [0, 1) that depend on `seed` alone: the raw bits of PCG64 never change."""
-    bits = np.random.PCG64(seed).random_raw(int(np.prod(shape)))
-    values: Doubles = (bits >> np.uint64(11)).astype(np.float64).reshape(shape) * 2.0**-53
+    """Return [*shape] numbers in [0, 1) that depend on `seed` alone."""
+    return unit_numbers(np.random.PCG64(seed), *shape)
+
+
+def unit_numbers(bits: np.random.PCG64, *shape: int) -> Doubles:
+    """Return the next [*shape] numbers in [0, 1) of a stream.
+
+    They are made of raw bits, which numpy fixes for good; its distributions may change.
+    """
+    raw = bits.random_raw(int(np.prod(shape)))
+    values: Doubles = (raw >> np.uint64(11)).astype(np.float64).reshape(shape) * 2.0**-53
     return values
 
 
@@ -34,6 +42,18 @@ def rotation(axis: ArrayLike, angle: ArrayLike) -> Doubles:
     sine, cosine = np.sin(turn)[:, None, None], np.cos(turn)[:, None, None]
     result: Doubles = np.eye(3) + sine * cross + (1.0 - cosine) * cross @ cross
     return result
+
+
+def about_x(angle: float) -> Doubles:
+    """Return the [3, 3] rotation about the x axis by an angle in radians, +y towards +z."""
+    (turn,) = rotation((1.0, 0.0, 0.0), angle)
+    return np.asarray(turn)
+
+
+def about_y(angle: float) -> Doubles:
+    """Return the [3, 3] rotation about the y axis by an angle in radians, +z towards +x."""
+    (turn,) = rotation((0.0, 1.0, 0.0), angle)
+    return np.asarray(turn)
 
 
 def copies(

@@ -1,14 +1,14 @@
-"""Surfaces that the built-in scenes are made of, each as a part with outward normals."""
+"""Shapes of the built-in and generated scenes, each a part with outward normals."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..parts import Part
+from ..parts import Part, complete
 
 
 def grid(points: NDArray[np.float64], *, closed: bool = False, name: str = "grid") -> Part:
@@ -54,6 +54,11 @@ def box(least: Sequence[float], greatest: Sequence[float]) -> Part:
     return mesh(corners, triangles, name="box")
 
 
+def beam(least: Sequence[float], greatest: Sequence[float]) -> Part:
+    """Return the box between two corners with its normals, to be copied many times."""
+    return complete(box(least, greatest))
+
+
 def lathe(
     profile: ArrayLike,
     segments: int,
@@ -92,6 +97,12 @@ def pole(start: ArrayLike, end: ArrayLike, radius: float, sides: int = 8) -> Par
     return tube(path, across / np.linalg.norm(across), radius, sides)
 
 
+def circle(segments: int) -> NDArray[np.float64]:
+    """Return points [segments + 1, 3] of the unit circle in the plane z = 0; the last is the first."""
+    turn = np.linspace(0.0, 2.0 * np.pi, segments + 1)
+    return np.stack([np.cos(turn), np.sin(turn), 0.0 * turn], axis=1)
+
+
 def ball(radius: float, segments: int) -> Part:
     """Return a sphere round the origin."""
     turn = np.linspace(-0.5 * np.pi, 0.5 * np.pi, segments // 2 + 1)
@@ -116,21 +127,29 @@ def rounded(points: Sequence[tuple[float, float]], steps: int) -> NDArray[np.flo
 def joined(parts: Sequence[Part]) -> Part:
     """Return one part of several, keeping their materials, normals and colours."""
     starts = np.cumsum([0] + [len(part.positions) for part in parts])[:-1]
-    normals = [_or(part.normals, 0.0, part) for part in parts]
-    colors = [_or(part.colors, 1.0, part) for part in parts]
+
+    def rows(name: str, otherwise: float) -> NDArray[np.float64]:
+        given = [(getattr(part, name), len(part.positions)) for part in parts]
+        return np.concatenate([np.full((n, 3), otherwise) if values is None else values for values, n in given])
+
     return Part(
         name=parts[0].name,
         positions=np.concatenate([part.positions for part in parts]),
         triangles=np.concatenate([part.triangles + start for part, start in zip(parts, starts, strict=True)]),
         material_ids=np.concatenate([part.material_ids for part in parts]),
-        normals=np.concatenate(normals),
-        colors=np.concatenate(colors),
+        normals=rows("normals", 0.0),
+        colors=rows("colors", 1.0),
     )
 
 
 def of_material(part: Part, material: int) -> Part:
     """Return `part` all of one material."""
     return replace(part, material_ids=np.full(len(part.triangles), material))
+
+
+def of_materials(*groups: tuple[Iterable[Part], int]) -> list[Part]:
+    """Return the parts of all groups, those of a group all of one material."""
+    return [of_material(part, material) for parts, material in groups for part in parts]
 
 
 def moved(part: Part, x: float, y: float, z: float) -> Part:
@@ -149,7 +168,3 @@ def turned(part: Part, angle: float) -> Part:
 def mirrored_x(part: Part) -> Part:
     """Return `part` seen in a mirror in the plane x = 0."""
     return part.transformed(np.diag([-1.0, 1.0, 1.0, 1.0]))
-
-
-def _or(values: NDArray[np.float64] | None, otherwise: float, part: Part) -> NDArray[np.float64]:
-    return np.full((len(part.positions), 3), otherwise) if values is None else values

@@ -9,35 +9,14 @@ import numpy as np
 
 from ssgi_cl.core.lights import DirectionalLight, Environment, SpotLight
 
-from ..normals import DEFAULT_CREASE_ANGLE
 from ..parts import Part, assemble, complete
+from . import workshop_things as things
 from .builtin import BuiltinScene
 from .scatter import between, copies, shares
-from .shapes import ball, box, joined, lathe, moved, of_material, pole, rounded, tube
-from .workshop_things import (
-    BACK,
-    BOARDS,
-    COLOURS,
-    ENAMEL,
-    IRON,
-    MATERIALS,
-    OAK,
-    PAINT,
-    PINE,
-    PLASTER,
-    RUBBER,
-    SIDE,
-    STEEL,
-    beam,
-    bench,
-    clutter,
-    crates,
-    grille,
-    leaning,
-    wheel,
-)
+from .shapes import ball, beam, box, joined, lathe, moved, of_material, of_materials, pole, rounded, tube
+from .workshop_things import ENAMEL, IRON, PAINT, PINE
 
-_X, _Z, _TOP = SIDE, -BACK, 3.0
+_X, _Z, _TOP = things.SIDE, -things.BACK, 3.0
 
 
 def workshop() -> BuiltinScene:
@@ -45,14 +24,11 @@ def workshop() -> BuiltinScene:
 
     The sun comes in by the window, a spot light hangs over the bench.
     """
-    parts = [
-        *_room(), *_shelves(), *bench(), *_stairs(), *_wires(), *wheel(), *grille(), *crates(),
-        *leaning(), clutter(),
-    ]  # fmt: skip
-    scene = assemble(parts, MATERIALS, (), crease_angle=DEFAULT_CREASE_ANGLE)
+    parts = [*_room(), *_shelves(), *things.bench(), *_stairs(), *_wires(), *things.wheels(), *things.grille()]
+    parts += [*things.crates(), *things.leaning(), things.clutter()]
     return BuiltinScene(
         name="workshop",
-        scene=scene,
+        scene=assemble(parts, things.MATERIALS),
         eye=(2.55, 1.65, 2.35),
         target=(-0.55, 0.95, -1.6),
         yfov=0.95,
@@ -77,17 +53,14 @@ def _room() -> list[Part]:
     rows = round(2.0 * _Z / wide)
     board = beam((-0.5, -0.5, -0.5), (0.5, 0.5, 0.5))
     row, third = np.divmod(np.arange(3 * rows), 3)
-    cuts = np.column_stack([
-        np.full(rows, -_X), between(1, -1.8, -0.4, rows), between(2, 0.4, 1.8, rows),
-        np.full(rows, _X),
-    ])  # fmt: skip
+    side = np.full(rows, _X)
+    cuts = np.column_stack([-side, between(1, -1.8, -0.4, rows), between(2, 0.4, 1.8, rows), side])
     start, end = cuts[row, third], cuts[row, third + 1]
     sizes = np.column_stack([end - start - 0.006, np.full(len(row), 0.05), np.full(len(row), wide - 0.006)])
-    middles = np.column_stack([
-        0.5 * (start + end), between(3, -0.028, -0.025, len(row)), -_Z + (row + 0.5) * wide
-    ])  # fmt: skip
+    heights = between(3, -0.028, -0.025, len(row))
+    middles = np.column_stack([0.5 * (start + end), heights, -_Z + (row + 0.5) * wide])
     shade = between(4, 0.75, 1.1, len(row))[:, None] * np.array([1.0, 0.98, 0.95])
-    floor = of_material(copies(board, middles, scales=sizes, tints=shade), BOARDS)
+    floor = copies(board, middles, scales=sizes, tints=shade)
     walls = [
         box((-_X, -0.3, -_Z), (_X, -0.04, _Z)),
         box((-_X - thick, -0.3, -_Z - thick), (_X + thick, _TOP, -_Z)),
@@ -103,35 +76,28 @@ def _room() -> list[Part]:
     bars.append(box((_X + 0.08, 1.63, -1.1), (_X + 0.12, 1.67, 1.3)))
     bars.append(box((_X - 0.08, 0.86, -1.2), (_X + 0.1, 0.9, 1.4)))
     count = round(2.0 * _X / 0.12)
-    planks = np.column_stack([
-        -_X + (np.arange(count) + 0.5) * 0.12, np.full(count, 0.53), np.full(count, -_Z + 0.01)
-    ])  # fmt: skip
+    x = -_X + (np.arange(count) + 0.5) * 0.12
+    planks = np.column_stack([x, np.full(count, 0.53), np.full(count, -_Z + 0.01)])
     wainscot = copies(beam((-0.057, -0.53, -0.01), (0.057, 0.53, 0.01)), planks)
     rail = box((-_X, 1.06, -_Z), (_X, 1.1, -_Z + 0.05))
     joist = beam((-_X, 2.78, -0.07), (_X, _TOP, 0.07))
     beams = copies(joist, [(0.0, 0.0, z) for z in np.linspace(-2.2, 2.2, 6)])
-    return [
-        floor, *[of_material(wall, PLASTER) for wall in walls],
-        *[of_material(bar, PINE) for bar in bars], of_material(wainscot, ENAMEL),
-        of_material(rail, ENAMEL), of_material(beams, OAK),
-    ]  # fmt: skip
+    groups = ([floor], things.BOARDS), (walls, things.PLASTER), (bars, PINE), ([wainscot, rail], ENAMEL)
+    return of_materials(*groups, ([beams], things.OAK))
 
 
 def _shelves() -> list[Part]:
     """Return two sets of shelves on the back wall, full of boxes, balls, jars and books."""
     depth, back = 0.36, -_Z + 0.03
-    kinds = [
-        beam((-0.5, 0.0, -0.5), (0.5, 1.0, 0.5)),
-        complete(moved(ball(0.5, 28), 0.0, 0.5, 0.0), DEFAULT_CREASE_ANGLE),
-        complete(lathe(rounded(
-            [(0.0, 0.0), (0.40, 0.0), (0.46, 0.06), (0.48, 0.45), (0.40, 0.70), (0.26, 0.78),
-             (0.26, 0.84), (0.34, 0.86), (0.34, 1.0), (0.0, 1.0)], 3), 24), DEFAULT_CREASE_ANGLE),
-        complete(lathe(
-            [(0.0, 0.0), (0.5, 0.0), (0.5, 1.0), (0.44, 1.0), (0.42, 0.1), (0.0, 0.1)], 24),
-            DEFAULT_CREASE_ANGLE),
-    ]  # fmt: skip
+    jar = rounded(
+        [(0.0, 0.0), (0.40, 0.0), (0.46, 0.06), (0.48, 0.45), (0.40, 0.70), (0.26, 0.78), (0.26, 0.84), (0.34, 0.86),
+         (0.34, 1.0), (0.0, 1.0)], 3,
+    )  # fmt: skip
+    tin = [(0.0, 0.0), (0.5, 0.0), (0.5, 1.0), (0.44, 1.0), (0.42, 0.1), (0.0, 0.1)]
+    kinds = [beam((-0.5, 0.0, -0.5), (0.5, 1.0, 0.5)), complete(moved(ball(0.5, 28), 0.0, 0.5, 0.0))]
+    kinds += [complete(lathe(profile, 24)) for profile in (jar, tin)]
     parts = []
-    things: list[tuple[int, float, float, float, float, float, float]] = []
+    placed: list[tuple[int, float, float, float, float, float, float]] = []
     for left, right, heights in (
         (-0.55, 0.85, (0.10, 0.52, 0.90, 1.24, 1.62, 2.02)),
         (1.05, 2.95, (0.10, 0.62, 1.08, 1.46, 1.96)),
@@ -144,7 +110,7 @@ def _shelves() -> list[Part]:
         parts.append(pole((left, heights[0], back + 0.02), (right, heights[-1], back + 0.02), 0.006, 8))
         for level, y in enumerate(heights):
             room = (heights[level + 1] - y - 0.06) if level + 1 < len(heights) else 0.34
-            chance = shares(40 + len(things), 80, 5)
+            chance = shares(40 + len(placed), 80, 5)
             x = left + 0.02
             for kind, size, front, gap, tall in chance:
                 wide = 0.035 + (0.24 * size**2)
@@ -160,18 +126,18 @@ def _shelves() -> list[Part]:
                     high = wide if which == 1 else min(1.5 * wide, room)
                 z = back + 0.5 * deep + (depth - deep) * (0.25 + 0.7 * front)
                 z = min(z, back + depth - 0.5 * deep)
-                things.append((which % 4, x + 0.5 * wide, y + 0.024, z, wide, high, deep))
+                placed.append((which % 4, x + 0.5 * wide, y + 0.024, z, wide, high, deep))
                 x += wide + 0.003 + (0.0 if which == 4 else 0.07 * gap**2)
-    shelves = of_material(joined([complete(p, DEFAULT_CREASE_ANGLE) for p in parts]), PINE)
-    table = np.array(things)
-    tint = COLOURS[(shares(7, len(table)) * len(COLOURS)).astype(int)]
+    shelves = of_material(joined([complete(p) for p in parts]), PINE)
+    table = np.array(placed)
+    tint = things.COLOURS[(shares(7, len(table)) * len(things.COLOURS)).astype(int)]
     tint = tint * between(8, 0.8, 1.1, len(table), 1)
     goods = [
         copies(kind, table[of, 1:4], scales=table[of, 4:7], tints=tint[of])
         for index, kind in enumerate(kinds)
         for of in (table[:, 0] == index,)
     ]
-    return [shelves, *[of_material(part, PAINT) for part in goods]]
+    return [shelves, *of_materials((goods, PAINT))]
 
 
 def _stairs() -> list[Part]:
@@ -192,9 +158,7 @@ def _stairs() -> list[Part]:
     iron += [pole((post, top, z), (post, top + 0.9, z), 0.007) for z in edge]
     iron.append(pole((post, top + 0.9, places[-1]), (post, top + 0.9, -_Z), 0.018, 12))
     iron += [pole((post - 0.01, 0.0, z), (post - 0.01, top, z), 0.03, 4) for z in (-1.0, -2.4)]
-    return [
-        *[of_material(part, PINE) for part in wood], *[of_material(part, IRON) for part in iron]
-    ]  # fmt: skip
+    return of_materials((wood, PINE), (iron, IRON))
 
 
 def _wires() -> list[Part]:
@@ -209,17 +173,16 @@ def _wires() -> list[Part]:
     ):
         path = (1.0 - s) * start + s * end - 4.0 * sag * s * (1.0 - s) * [0.0, 1.0, 0.0]
         across = np.cross(np.subtract(end, start), (0.0, 1.0, 0.0))
-        parts.append(of_material(tube(path, across / np.linalg.norm(across), radius, 8), RUBBER))
+        parts.append(of_material(tube(path, across / np.linalg.norm(across), radius, 8), things.RUBBER))
     shade = lathe([(0.15, 0.0), (0.13, 0.06), (0.05, 0.12), (0.02, 0.17), (0.0, 0.17),
                    (0.04, 0.115), (0.12, 0.055), (0.145, 0.0)], 40)  # fmt: skip
     for x, z, low in ((-0.6, -0.75, 2.0), (1.1, 0.44, 2.15), (-1.9, 0.44, 2.2)):
         parts.append(of_material(moved(shade, x, low, z), ENAMEL))
         parts.append(of_material(moved(ball(0.045, 20), x, low + 0.03, z), PAINT))
-        parts.append(of_material(pole((x, low + 0.16, z), (x, 2.8, z), 0.003, 6), RUBBER))
+        parts.append(of_material(pole((x, low + 0.16, z), (x, 2.8, z), 0.003, 6), things.RUBBER))
     for y, radius in ((2.34, 0.04), (2.46, 0.022), (2.53, 0.014)):
         z = -_Z + 0.09
-        parts.append(of_material(pole((-_X, y, z), (_X, y, z), radius, 16), STEEL))
+        parts.append(of_material(pole((-_X, y, z), (_X, y, z), radius, 16), things.STEEL))
         for x in np.arange(-2.9, 3.0, 0.97):
-            clip = pole((x, y, z), (x + 0.03, y, z), radius + 0.012, 16)
-            parts.append(of_material(clip, IRON))
+            parts.append(of_material(pole((x, y, z), (x + 0.03, y, z), radius + 0.012, 16), IRON))
     return parts

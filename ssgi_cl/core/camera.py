@@ -139,13 +139,9 @@ class Camera(Immutable):
         near = 1e-3 * distance if near is None else near
         fy = 1.0 / math.tan(0.5 * yfov)
         fx = fy * height / width if width else fy
-        return cls(
-            view=view,
-            projection=perspective_matrix(fx, fy, 0.0, 0.0, near, far, reversed_z=reversed_z),
-            width=width,
-            height=height,
-            depth_range="0..1" if reversed_z else "-1..1",
-        )
+        projection = perspective_matrix(fx, fy, 0.0, 0.0, near, far, reversed_z=reversed_z)
+        depth_range: DepthRange = "0..1" if reversed_z else "-1..1"
+        return cls(view=view, projection=projection, width=width, height=height, depth_range=depth_range)
 
     @classmethod
     def orthographic(
@@ -173,12 +169,8 @@ class Camera(Immutable):
         view_height = checks.number("view_height", view_height, low=LEAST_SCALE, high=MOST_SCALE, unit="scene units")
         distance = float(np.linalg.norm(checks.vector("target", target, 3) - np.asarray(eye)))
         far = 1e3 * distance if far is None else far
-        near = checks.number("near", near, unit="scene units")
-        far = checks.number("far", far, low=near, above=True, unit="scene units")
         sy = 2.0 / view_height
-        sx = sy * height / width if width else sy
-        projection = np.diag([sx, sy, -2.0 / (far - near), 1.0])
-        projection[2, 3] = -(far + near) / (far - near)
+        projection = orthographic_matrix(sy * height / width if width else sy, sy, near, far)
         return cls(view=view, projection=projection, width=width, height=height)
 
     @classmethod
@@ -325,6 +317,15 @@ def look_at_matrix(eye: ArrayLike, target: ArrayLike, up: ArrayLike) -> NDArray[
     view[:3, :3] = right, np.cross(backward, right), backward
     view[:3, 3] = -view[:3, :3] @ position
     return view
+
+
+def orthographic_matrix(scale_x: float, scale_y: float, near: float, far: float) -> NDArray[np.float64]:
+    """Return a [4, 4] float64 projection of a box in the middle of the view."""
+    near = checks.number("near", near, unit="scene units")
+    far = checks.number("far", far, low=near, above=True, unit="scene units")
+    matrix = np.diag([scale_x, scale_y, -2.0 / (far - near), 1.0])
+    matrix[2, 3] = -(far + near) / (far - near)
+    return matrix
 
 
 def perspective_matrix(

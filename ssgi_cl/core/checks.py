@@ -5,12 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from difflib import get_close_matches
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core.errors import shown
+
+
+class Limits(TypedDict, total=False):
+    """Range of numbers: [low, high], or (low, high] with `above`; with `infinite` +inf too."""
+
+    low: float
+    high: float
+    unit: str
+    above: bool
+    infinite: bool
 
 
 def number(
@@ -124,29 +134,18 @@ def matrix4(name: str, value: ArrayLike) -> NDArray[np.float64]:
     return array
 
 
-def plane(
-    name: str,
-    value: ArrayLike,
-    *,
-    channels: int = 0,
-    unit: str = "",
-    low: float = -math.inf,
-    high: float = math.inf,
-    infinite: bool = False,
-    above: bool = False,
-) -> NDArray[np.float32]:
+def plane(name: str, value: ArrayLike, *, channels: int = 0, **limits: Unpack[Limits]) -> NDArray[np.float32]:
     """Return `value` as float32 [rows, columns] or, with `channels`, [rows, columns, channels].
 
     Raises TypeError for a dtype that is not a real number, ValueError for a wrong shape, for NaN,
-    for infinities (unless `infinite` allows +inf) and for values outside [low, high] ((low, high]
-    with `above`).
+    for infinities (unless `infinite` allows +inf) and for values outside of the limits.
     """
     array = floats(name, value, np.float32)
     wanted = f"(rows, columns, {channels})" if channels else "(rows, columns)"
     fits = array.ndim == 3 and array.shape[2] == channels if channels else array.ndim == 2
     if not fits:
         raise ValueError(f"{name} has shape {array.shape}: expected {wanted}")
-    values_in_range(name, array, unit=unit, low=low, high=high, infinite=infinite, above=above)
+    values_in_range(name, array, **limits)
     return array
 
 
@@ -169,7 +168,7 @@ def values_in_range(
     infinite: bool = False,
     above: bool = False,
 ) -> None:
-    """Raise ValueError naming the first element that is NaN, not allowed infinite or outside."""
+    """Raise ValueError naming the first element that is NaN, infinite or outside of the limits."""
     if array.size == 0 or (infinite and np.isposinf(array).all()):
         return
     # min and max are NaN if any element is: two passes without a temporary decide the good case.

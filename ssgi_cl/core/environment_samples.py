@@ -183,29 +183,15 @@ def _regions(flux: Doubles, count: int) -> list[tuple[Region, float]]:
 
     The share is 1, but for a single cell that had to be counted more than once.
     """
-    # Nodes of a binary tree: region, share, and the two parts or None.
     first = _trimmed(flux, (0, CELLS, 0, CELLS))
-    nodes: list[tuple[Region, float]] = [(first, 1.0)]
-    parts: list[tuple[int, int] | None] = [None]
-    heap = [(-_flux(flux, first), 0)]
-    for _ in range(count - 1):
-        _, number = heapq.heappop(heap)
-        region, share = nodes[number]
-        for child, part in _halves(flux, region, share):
-            nodes.append((child, part))
-            parts.append(None)
-            heapq.heappush(heap, (-_flux(flux, child) * part, len(nodes) - 1))
-        parts[number] = (len(nodes) - 2, len(nodes) - 1)
-    leaves: list[tuple[Region, float]] = []
-    stack = [0]
-    while stack:
-        number = stack.pop()
-        both = parts[number]
-        if both is None:
-            leaves.append(nodes[number])
-        else:
-            stack += [both[1], both[0]]
-    return leaves
+    # A leaf of the tree of cuts: its flux, its number, the way to it, region and share.
+    heap: list[tuple[float, int, tuple[int, ...], Region, float]] = [(-float(_sum(flux, first)), 0, (), first, 1.0)]
+    for cut in range(count - 1):
+        _, _, way, region, share = heapq.heappop(heap)
+        for side, (child, part) in enumerate(_halves(flux, region, share)):
+            found = (-float(_sum(flux, child)) * part, 2 * cut + side + 1, (*way, side), child, part)
+            heapq.heappush(heap, found)
+    return [(region, share) for _, _, _, region, share in sorted(heap, key=lambda leaf: leaf[2])]
 
 
 def _halves(flux: Doubles, region: Region, share: float) -> list[tuple[Region, float]]:
@@ -217,11 +203,10 @@ def _halves(flux: Doubles, region: Region, share: float) -> list[tuple[Region, f
     along = flux[top:bottom, left:right].sum(axis=1 if rows else 0)
     so_far = np.cumsum(along)
     cut = int(np.abs(so_far[:-1] - 0.5 * so_far[-1]).argmin()) + 1
-    both = (
-        [(top, top + cut, left, right), (top + cut, bottom, left, right)]
-        if rows
-        else [(top, bottom, left, left + cut), (top, bottom, left + cut, right)]
-    )
+    if rows:
+        both = (top, top + cut, left, right), (top + cut, bottom, left, right)
+    else:
+        both = (top, bottom, left, left + cut), (top, bottom, left + cut, right)
     return [(_trimmed(flux, each), share) for each in both]
 
 
@@ -231,11 +216,6 @@ def _trimmed(flux: Doubles, region: Region) -> Region:
     lit = flux[top:bottom, left:right] > 0.0
     rows, columns = np.flatnonzero(lit.any(axis=1)), np.flatnonzero(lit.any(axis=0))
     return (top + int(rows[0]), top + int(rows[-1]) + 1, left + int(columns[0]), left + int(columns[-1]) + 1)
-
-
-def _flux(flux: Doubles, region: Region) -> float:
-    top, bottom, left, right = region
-    return float(flux[top:bottom, left:right].sum())
 
 
 def _sum(cells: Doubles, region: Region) -> Doubles:

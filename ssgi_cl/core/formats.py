@@ -1,4 +1,4 @@
-"""Files of G-buffers and environments: the package above this one says who reads and writes them."""
+"""Files of G-buffers and environments: readers and writers that the package above this one provides."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class Files(Protocol):
-    """What reads and writes files."""
+    """Readers and writers of files."""
 
     def read_gbuffer(
         self,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, Self
+from typing import Any, Literal, Self, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,7 +14,7 @@ from ssgi_cl.core import checks
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.formats import files
 from ssgi_cl.core.immutable import Immutable, frozen
-from ssgi_cl.core.lights import DirectionalLight, PointLight, SpotLight
+from ssgi_cl.core.lights import PunctualLight
 
 Floats = NDArray[np.float32]
 
@@ -23,12 +23,25 @@ LEAST_DEPTH, MOST_DEPTH = 1e-30, 1e30
 holds at any angle."""
 
 NAN = ("refuse", "hole")
-"""What NaN in a G-buffer's arrays may mean."""
+"""Meanings of NaN in a G-buffer's arrays."""
+
+_LIMITS: dict[str, checks.Limits] = {
+    "normal": {},
+    "albedo": {"low": 0.0, "high": 1.0},
+    "emission": {"low": 0.0, "high": checks.MOST_LIGHT},
+    "specular": {"low": 0.0, "high": 1.0},
+    "gloss": {"low": 0.0, "unit": "Phong exponent"},
+    "thickness": {"low": 0.0, "unit": "scene units", "infinite": True},
+}
+"""Arrays beside the depth, and the range of their values."""
+
+_FLAT = ("gloss", "thickness")
+"""Arrays of one channel and of the front layer alone."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GBuffer:
-    """What a camera sees, pixel by pixel. Row 0 is on top; pixel centres lie at +0.5.
+    """The surfaces that a camera sees, pixel by pixel. Row 0 is on top; pixel centres lie at +0.5.
 
     Arrays may be larger than the camera's image by an even number of rows and columns: a margin
     then surrounds the image, and results have the size of the camera's image. `rasterize.gbuffer`
@@ -87,25 +100,14 @@ class GBuffer:
                 "number (a margin of equal size on opposite sides)"
             )
         object.__setattr__(self, "margin", (int(margin[0]) // 2, int(margin[1]) // 2))
-        if self.normal is not None:
-            self._set("normal", _unit(self._attribute("normal", self.normal, low=-np.inf)))
-        for name, high in (("albedo", 1.0), ("emission", checks.MOST_LIGHT), ("specular", 1.0)):
+        for name, limits in _LIMITS.items():
             value = getattr(self, name)
             if value is not None:
-                self._set(name, self._attribute(name, value, low=0.0, high=high))
-        if self.gloss is not None:
-            gloss = checks.plane("gloss", self.gloss, unit="Phong exponent", low=0.0)
-            self._same_size("gloss", gloss.shape)
-            self._set("gloss", gloss)
-        if self.thickness is not None:
-            thickness = checks.plane("thickness", self.thickness, unit="scene units", low=0.0, infinite=True)
-            if thickness.shape != depth.shape[-2:]:
-                raise ValueError(f"thickness has shape {thickness.shape}: expected {depth.shape[-2:]} as the depth")
-            self._set("thickness", thickness)
+                self._set(name, self._attribute(name, value, depth.shape, limits))
 
     def _fill_nan(self) -> None:
         """Replace the arrays that hold NaN."""
-        for name in ("depth", "normal", "albedo", "emission", "specular", "gloss", "thickness"):
+        for name in ("depth", *_LIMITS):
             value = getattr(self, name)
             array = None if value is None else checks.as_array(name, value)
             if array is None or array.dtype.kind != "f":
@@ -119,15 +121,18 @@ class GBuffer:
     def _set(self, name: str, value: Floats) -> None:
         object.__setattr__(self, name, value)
 
-    def _attribute(self, name: str, value: ArrayLike, *, low: float, high: float = np.inf) -> Floats:
-        array = _layered(name, value, 3, low=low, high=high)
-        self._same_size(name, array.shape[:-1])
-        return array
-
-    def _same_size(self, name: str, shape: tuple[int, ...]) -> None:
-        depth: Floats = self.depth  # type: ignore[assignment]
-        if shape not in (depth.shape, depth.shape[-2:]):
-            raise ValueError(f"{name} has shape {shape}: expected {depth.shape} as the depth")
+    @staticmethod
+    def _attribute(name: str, value: ArrayLike, shape: tuple[int, ...], limits: checks.Limits) -> Floats:
+        """Return an array beside a depth of this shape, checked."""
+        if name in _FLAT:
+            array, shape = checks.plane(name, value, **limits), shape[-2:]
+            size = array.shape
+        else:
+            array = _layered(name, value, 3, **limits)
+            size = array.shape[:-1]
+        if size not in (shape, shape[-2:]):
+            raise ValueError(f"{name} has shape {size}: expected {shape} as the depth")
+        return _unit(array) if name == "normal" else array
 
     @property
     def layers(self) -> int:
@@ -145,7 +150,7 @@ class GBuffer:
         array = getattr(self, name)
         if array is None:
             return None
-        flat = 2 if name in ("depth", "gloss", "thickness") else 3
+        flat = 2 if name in ("depth", *_FLAT) else 3
         result: Floats = array if array.ndim == flat else array[0]
         return result
 
@@ -192,7 +197,7 @@ class GBuffer:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ReflectiveShadowMap(Immutable):
-    """What a light sees, and how much of its light every texel reflects. Its arrays are read-only.
+    """The surfaces that a light sees, and the flux that every texel reflects. Its arrays are read-only.
 
     Attributes:
         light: the light whose map this is.
@@ -208,7 +213,7 @@ class ReflectiveShadowMap(Immutable):
             `specular_flux`, else None.
     """
 
-    light: SpotLight | PointLight | DirectionalLight
+    light: PunctualLight
     camera: Camera | tuple[Camera, ...]
     depth: ArrayLike
     position: ArrayLike
@@ -245,26 +250,16 @@ class ReflectiveShadowMap(Immutable):
         return self.camera if isinstance(self.camera, tuple) else (self.camera,)
 
 
-def _layered(
-    name: str,
-    value: ArrayLike,
-    channels: int,
-    *,
-    low: float,
-    high: float = np.inf,
-    unit: str = "",
-    infinite: bool = False,
-    above: bool = False,
-) -> Floats:
+def _layered(name: str, value: ArrayLike, channels: int, **limits: Unpack[checks.Limits]) -> Floats:
     array = checks.as_array(name, value)
     flat = 3 if channels else 2
     if array.ndim == flat + 1 and array.shape[0] > 0:
         array = checks.floats(name, array)
         if channels and array.shape[-1] != channels:
             raise ValueError(f"{name} has shape {array.shape}: expected {channels} channels")
-        checks.values_in_range(name, array, unit=unit, low=low, high=high, infinite=infinite, above=above)
+        checks.values_in_range(name, array, **limits)
         return array
-    return checks.plane(name, array, channels=channels, unit=unit, low=low, high=high, infinite=infinite, above=above)
+    return checks.plane(name, array, channels=channels, **limits)
 
 
 def _in_order(depth: Floats) -> None:

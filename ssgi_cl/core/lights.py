@@ -38,11 +38,9 @@ class SpotLight(Immutable):
     def __post_init__(self) -> None:
         _set(self, "position", checks.point("position", self.position))
         _set(self, "direction", checks.direction("direction", self.direction))
-        angle = checks.number("cone_angle", self.cone_angle, low=1e-4, high=1.5, unit="radians")
-        object.__setattr__(self, "cone_angle", angle)
+        _set(self, "cone_angle", checks.number("cone_angle", self.cone_angle, low=1e-4, high=1.5, unit="radians"))
         _set(self, "intensity", checks.rgb("intensity", self.intensity, "W/sr"))
-        radius = checks.number("radius", self.radius, low=0.0, high=1e30, unit="scene units")
-        object.__setattr__(self, "radius", radius)
+        _set(self, "radius", _radius(self.radius))
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,8 +60,7 @@ class PointLight(Immutable):
     def __post_init__(self) -> None:
         _set(self, "position", checks.point("position", self.position))
         _set(self, "intensity", checks.rgb("intensity", self.intensity, "W/sr"))
-        radius = checks.number("radius", self.radius, low=0.0, high=1e30, unit="scene units")
-        object.__setattr__(self, "radius", radius)
+        _set(self, "radius", _radius(self.radius))
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,8 +82,7 @@ class DirectionalLight(Immutable):
     def __post_init__(self) -> None:
         _set(self, "direction", checks.direction("direction", self.direction))
         _set(self, "irradiance", checks.rgb("irradiance", self.irradiance, "W/m^2"))
-        angle = checks.number("angle", self.angle, low=0.0, high=0.5, unit="radians")
-        object.__setattr__(self, "angle", angle)
+        _set(self, "angle", checks.number("angle", self.angle, low=0.0, high=0.5, unit="radians"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,15 +102,13 @@ class Environment(Immutable):
     def __post_init__(self) -> None:
         radiance = checks.as_array("radiance", self.radiance)
         if radiance.ndim == 3:
-            image = checks.plane(
-                "radiance", radiance, channels=3, unit="W m^-2 sr^-1", low=0.0, high=MOST_RADIANCE
-            ).astype(np.float64)
-            if image.size == 0:
-                raise ValueError(f"radiance has shape {image.shape}: expected at least one texel")
-            _set(self, "radiance", image)
+            limits: checks.Limits = {"unit": "W m^-2 sr^-1", "low": 0.0, "high": MOST_RADIANCE}
+            value = checks.plane("radiance", radiance, channels=3, **limits).astype(np.float64)
+            if value.size == 0:
+                raise ValueError(f"radiance has shape {value.shape}: expected at least one texel")
         else:
-            constant = checks.rgb("radiance", radiance, "W m^-2 sr^-1", high=MOST_RADIANCE)
-            _set(self, "radiance", constant)
+            value = checks.rgb("radiance", radiance, "W m^-2 sr^-1", high=MOST_RADIANCE)
+        _set(self, "radiance", value)
 
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Environment:
@@ -135,7 +129,9 @@ class Environment(Immutable):
 MOST_RADIANCE = 1e38
 """W m^-2 sr^-1 of an environment: times pi it is a float32."""
 
-Light = SpotLight | PointLight | DirectionalLight | Environment
+PunctualLight = SpotLight | PointLight | DirectionalLight
+"""Lights that have shadow maps."""
+Light = PunctualLight | Environment
 
 
 def light_tuple(lights: Iterable[Light]) -> tuple[Light, ...]:
@@ -172,5 +168,9 @@ def are_same(some: Sequence[Light], others: Sequence[Light]) -> bool:
     return len(some) == len(others) and all(a is b for a, b in zip(some, others, strict=True))
 
 
-def _set(light: object, name: str, value: NDArray[np.float64]) -> None:
-    object.__setattr__(light, name, frozen(value))
+def _set(light: object, name: str, value: float | NDArray[np.float64]) -> None:
+    object.__setattr__(light, name, value if isinstance(value, float) else frozen(value))
+
+
+def _radius(value: float) -> float:
+    return checks.number("radius", value, low=0.0, high=1e30, unit="scene units")

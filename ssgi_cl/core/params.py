@@ -60,18 +60,13 @@ class Params:
                 checks.switch(field.name, value)
             elif rule["choices"]:
                 checks.choice(field.name, value, rule["choices"])
-            elif kinds[field.name] is int:
-                value = checks.integer(field.name, value, low=rule["low"], high=rule["high"], unit=rule["unit"])
             else:
-                value = checks.number(
-                    field.name,
-                    value,
-                    low=rule["low"],
-                    high=rule["high"],
-                    unit=rule["unit"],
-                    above=rule["above"],
-                    infinite=math.isinf(rule["high"]) and rule["high"] > 0 and field.default == math.inf,
-                )
+                limits = {name: rule[name] for name in ("low", "high", "unit")}
+                if kinds[field.name] is int:
+                    value = checks.integer(field.name, value, **limits)
+                else:
+                    infinite = rule["high"] == field.default == math.inf
+                    value = checks.number(field.name, value, **limits, above=rule["above"], infinite=infinite)
             object.__setattr__(self, field.name, value)
 
     def shape(self) -> Hashable:
@@ -83,22 +78,16 @@ class Params:
         return own, *[part(getattr(self, name)) for name, part in _shape_parts(own)]
 
 
-def _nothing(_: float) -> None:
-    return None
-
-
-def _all(value: Hashable) -> Hashable:
-    return value
-
-
 @cache
 def _shape_parts(params: Any) -> tuple[tuple[str, Callable[[Any], Hashable]], ...]:
     """Return of each parameter its name and what of its value is part of the shape."""
     kinds = _kinds(params)
-    return tuple(
-        (field.name, field.metadata.get("shape") or (_nothing if kinds[field.name] is float else _all))
-        for field in dataclasses.fields(params)
-    )
+
+    def default(name: str) -> Callable[[Any], Hashable]:
+        return (lambda _: None) if kinds[name] is float else (lambda value: value)
+
+    fields = dataclasses.fields(params)
+    return tuple((field.name, field.metadata.get("shape") or default(field.name)) for field in fields)
 
 
 Q = TypeVar("Q", bound=Params)

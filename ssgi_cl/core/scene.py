@@ -20,7 +20,7 @@ MOST_TEXELS = 2**29 - 1
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Material:
-    """What a surface is made of.
+    """The material of a surface.
 
     Attributes:
         albedo: [3] linear reflectance in [0, 1]; multiplies the texture and the vertex colour.
@@ -171,7 +171,7 @@ class Scene(Immutable):
 
     @cached_property
     def key(self) -> object:
-        """What tells the scene from others without keeping it."""
+        """An object that tells the scene from others without keeping it."""
         return object()
 
     @cached_property

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core import checks
-from ssgi_cl.core.camera import LEAST_SCALE, MOST_SCALE, Camera, perspective_matrix
+from ssgi_cl.core.camera import LEAST_SCALE, MOST_SCALE, Camera, orthographic_matrix, perspective_matrix
 from ssgi_cl.core.immutable import Immutable, frozen
 
 
@@ -60,9 +60,6 @@ class SceneCamera(Immutable):
             scale = 1.0 / (math.tan(0.5 * self.height) * tall)
             projection = perspective_matrix(scale / wide, scale, 0.0, 0.0, self.near, self.far)
         else:
-            near = checks.number("near", self.near, unit="scene units")
-            far = checks.number("far", self.far, low=near, above=True, unit="scene units")
             scale = 2.0 / (self.height * tall)
-            projection = np.diag([scale / wide, scale, -2.0 / (far - near), 1.0])
-            projection[2, 3] = -(far + near) / (far - near)
+            projection = orthographic_matrix(scale / wide, scale, self.near, self.far)
         return Camera(view=self.view, projection=projection, width=width, height=height)

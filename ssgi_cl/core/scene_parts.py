@@ -1,8 +1,9 @@
-"""What of a scene is seen through, what is not, and what blocks light: scenes of their own."""
+"""Parts of a scene: surfaces that are seen through, the others, and those that block light."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -49,19 +50,12 @@ def _parts(scene: Scene) -> SceneParts:
     through = np.array([m.is_seen_through for m in scene.materials])[scene.material_ids]
     casts = np.array([not m.is_seen_through or _casts(m) for m in scene.materials])
     solid = _chosen(scene, ~through, scene.materials)
-    blended = _chosen(
-        scene,
-        through,
-        tuple(
-            replace(m, alpha_cutoff=FAINTEST if m.blends and m.texture >= 0 else 0.0) if m.is_seen_through else m
-            for m in scene.materials
-        ),
-    )
-    casting = solid
-    if (through & casts[scene.material_ids]).any():
-        casting = _chosen(
-            scene, casts[scene.material_ids], tuple(_cast(m) if m.is_seen_through else m for m in scene.materials)
-        )
+    drawn = (replace(m, alpha_cutoff=FAINTEST if m.blends and m.texture >= 0 else 0.0) for m in scene.materials)
+    pairs = zip(scene.materials, drawn, strict=True)
+    blended = _chosen(scene, through, tuple(made if m.is_seen_through else m for m, made in pairs))
+    casting, chosen = solid, casts[scene.material_ids]
+    if (through & chosen).any():
+        casting = _chosen(scene, chosen, tuple(_cast(m) if m.is_seen_through else m for m in scene.materials))
     return SceneParts(solid, blended, casting)
 
 
@@ -92,25 +86,10 @@ def _chosen(scene: Scene, chosen: NDArray[np.bool_], materials: tuple[Material, 
         # A scene has a triangle; one without area is never seen. It is as large as the whole.
         corners = (scene.bounds - scene.origin).astype(np.float32)
         none = np.zeros_like(corners)
-        return replace(
-            scene,
-            positions=corners,
-            normals=none,
-            uvs=none[:, :2],
-            colors=none,
-            triangles=np.array([[0, 1, 1]], np.int32),
-            material_ids=np.zeros(1, np.int32),
-            materials=(Material(),),
-            textures=(),
-        )
+        ids, triangle = np.zeros(1, np.int32), np.array([[0, 1, 1]], np.int32)
+        vertices: dict[str, Any] = {"positions": corners, "normals": none, "uvs": none[:, :2], "colors": none}
+        return replace(scene, **vertices, triangles=triangle, material_ids=ids, materials=(Material(),), textures=())
     used, numbers = np.unique(scene.triangles[chosen], return_inverse=True)
-    return replace(
-        scene,
-        positions=scene.positions[used],
-        normals=scene.normals[used],
-        uvs=scene.uvs[used],
-        colors=scene.colors[used],
-        triangles=numbers.reshape(-1, 3).astype(np.int32),
-        material_ids=scene.material_ids[chosen],
-        materials=materials,
-    )
+    vertices = {name: getattr(scene, name)[used] for name in ("positions", "normals", "uvs", "colors")}
+    triangles, ids = numbers.reshape(-1, 3).astype(np.int32), scene.material_ids[chosen]
+    return replace(scene, **vertices, triangles=triangles, material_ids=ids, materials=materials)

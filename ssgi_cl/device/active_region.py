@@ -1,4 +1,4 @@
-"""A region: the rectangle of an image in which anything is seen, so that passes run there alone."""
+"""Active regions: rectangles of an image outside which nothing is seen, so that passes run there alone."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def copy_region(source: NDArray[Any], target: NDArray[Any], region: Region | Non
 
 
 class PreviousRegion:
-    """What the latest run left of a result, which the next one has to cover too.
+    """The region that the latest run of a pass wrote, which the next one has to cover too.
 
     Where a run works in a region, all pixels beyond hold the background already. So it has to work
     where the run before did, as well.

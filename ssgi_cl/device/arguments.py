@@ -26,7 +26,7 @@ _INT2 = struct.Struct("=ii").pack
 
 
 class Arguments:
-    """How values by name become a kernel's arguments.
+    """Conversion of values by name to a kernel's arguments.
 
     Args:
         signature: what it takes.
@@ -46,9 +46,10 @@ class Arguments:
         self._parameters = {parameter.name: parameter for parameter in signature.parameters}
         self._structs = {struct.name: struct for struct in structs}
         self.takes_size = "size" in self._parameters
-        made = [self._made(parameter) for parameter in signature.parameters]
-        self._converts = [(name, convert) for name, (convert, _) in zip(self._parameters, made, strict=True)]
-        self.types = [kind for _, kind in made]
+        made = {name: self._made(parameter) for name, parameter in self._parameters.items()}
+        self._converts = [(name, convert) for name, (convert, _, _) in made.items()]
+        self._expected = {name: f"{text} ({self._parameters[name].declaration})" for name, (_, _, text) in made.items()}
+        self.types = [kind for _, kind, _ in made.values()]
 
     def converted(self, given: Mapping[str, Any]) -> list[Any]:
         """Return the arguments in the kernel's order.
@@ -79,56 +80,37 @@ class Arguments:
                     f"kernel {self._kernel}: {name} ({_shown(given[name])}) is {why}: expected "
                     f"{', '.join(self._parameters)}"
                 )
-        for name, parameter in self._parameters.items():
+        for name, expected in self._expected.items():
             if name not in given:
-                raise TypeError(
-                    f"kernel {self._kernel}: {name} is missing: expected "
-                    f"{self._expected(parameter)} ({parameter.declaration})"
-                )
+                raise TypeError(f"kernel {self._kernel}: {name} is missing: expected {expected}")
 
     def _check_types(self, given: Mapping[str, Any]) -> None:
         for name, convert in self._converts:
             try:
                 convert(given[name])
             except _OtherType:
-                parameter = self._parameters[name]
+                expected = self._expected[name]
                 raise TypeError(
-                    f"kernel {self._kernel}: {name} is {_shown(given[name])}: expected "
-                    f"{self._expected(parameter)} ({parameter.declaration})"
+                    f"kernel {self._kernel}: {name} is {_shown(given[name])}: expected {expected}"
                 ) from None
 
-    def _expected(self, parameter: Parameter) -> str:
+    def _made(self, parameter: Parameter) -> tuple[Convert, np.dtype[Any] | None, str]:
+        """Return the conversion of a parameter, the type of `types`, and what it expects, for messages."""
         kind = parameter.type
         if kind == PLANE:
-            return "a Plane"
-        if parameter.memory:
-            dtype = _element(kind)
-            plane = "a Plane or " if dtype == np.float32 else ""
-            return f"{plane}a DeviceArray of {dtype}" + (" or None" if parameter.optional else "")
-        if kind == "int2":
-            return "(rows, columns) as a tuple of int"
-        if kind in ("int", "float"):
-            return {"int": "an int in int32", "float": "a number"}[kind]
-        struct = self._structs[kind]
-        return f"the struct {struct.name} of {struct.dtype.itemsize} bytes"
-
-    def _made(self, parameter: Parameter) -> tuple[Convert, np.dtype[Any] | None]:
-        kind = parameter.type
-        if kind == PLANE:
-            return _read_plane, None
+            return _read_plane, None, "a Plane"
         if parameter.memory:
             dtype = _element(kind)
             if dtype is not None:
-                return _memory(dtype, parameter.written, parameter.optional), None
-        elif kind == "int2":
-            return _int2, np.dtype("V8")
-        elif kind == "int":
-            return _int, np.dtype(np.int32)
-        elif kind == "float":
-            return _float, np.dtype(np.float32)
+                plane = "a Plane or " if dtype == np.float32 else ""
+                text = f"{plane}a DeviceArray of {dtype}" + (" or None" if parameter.optional else "")
+                return _memory(dtype, parameter.written, parameter.optional), None, text
+        elif kind in _VALUES:
+            return _VALUES[kind]
         elif kind in self._structs:
             struct = self._structs[kind]
-            return _struct(struct), np.dtype(f"V{struct.dtype.itemsize}")
+            size = struct.dtype.itemsize
+            return _struct(struct), np.dtype(f"V{size}"), f"the struct {struct.name} of {size} bytes"
         raise KernelSourceError(
             f"kernel {self._kernel}: {parameter.declaration} is of a type that the host can't "
             f"pass: expected {PLANE}, __global memory, int, float, int2 or a struct of "
@@ -143,7 +125,7 @@ def _element(kind: str) -> np.dtype[Any] | None:
 
 
 def _shown(value: Any) -> str:
-    """Return what a value is, in words."""
+    """Return a description of a value, for messages."""
     if isinstance(value, Plane):
         return f"a Plane of {value.count} x {value.size}"
     if isinstance(value, DeviceArray):
@@ -197,6 +179,13 @@ def _float(value: Any) -> Any:
     if type(value) in (float, int) or isinstance(value, np.floating | np.integer):
         return value
     raise _OtherType
+
+
+_VALUES: dict[str, tuple[Convert, np.dtype[Any], str]] = {
+    "int2": (_int2, np.dtype("V8"), "(rows, columns) as a tuple of int"),
+    "int": (_int, np.dtype(np.int32), "an int in int32"),
+    "float": (_float, np.dtype(np.float32), "a number"),
+}
 
 
 def _struct(struct: Struct) -> Convert:

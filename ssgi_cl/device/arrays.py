@@ -34,6 +34,17 @@ def plane_bytes(count: int, size: Size) -> int:
     return 4 * rows * pitch
 
 
+@contextmanager
+def map_memory(memory: DeviceArray | Plane, shape: tuple[int, ...], flags: int, dtype: Any) -> Iterator[NDArray[Any]]:
+    """Give memory that the device shares with the host to the host."""
+    queue = memory.runtime.queue
+    view, _ = opencl().enqueue_map_buffer(queue, memory.buffer, flags, 0, shape, dtype)
+    try:
+        yield view
+    finally:
+        view.base.release(queue)
+
+
 class DeviceArray:
     """A list of numbers in device memory."""
 
@@ -59,37 +70,27 @@ class DeviceArray:
         self._sent = self._copy(np.array(values, self.dtype, order="C"), wait=False)
 
     def _copy(self, values: NDArray[Any], wait: bool) -> Any:
-        cl = opencl()
-
         if values.size > self.count:
             raise ValueError(f"values has {values.size} elements: expected at most {self.count}")
         if not values.size:
             return None
         self.runtime.touch()
-        return cl.enqueue_copy(self.runtime.queue, self.buffer, values.ravel(), is_blocking=wait)
+        return opencl().enqueue_copy(self.runtime.queue, self.buffer, values.ravel(), is_blocking=wait)
 
     def download(self) -> NDArray[Any]:
         """Return a copy of the contents."""
-        cl = opencl()
-
         values = np.empty(self.count, self.dtype)
-        cl.enqueue_copy(self.runtime.queue, values, self.buffer, is_blocking=True)
+        opencl().enqueue_copy(self.runtime.queue, values, self.buffer, is_blocking=True)
         return values
 
     @contextmanager
     def mapped(self) -> Iterator[NDArray[Any]]:
         """Give the contents to the host to be read, without a copy where memory is shared."""
-        if not self.runtime.shares_memory:
+        if self.runtime.shares_memory:
+            with map_memory(self, (self.count,), opencl().map_flags.READ, self.dtype) as memory:
+                yield memory
+        else:
             yield self.download()
-            return
-        cl = opencl()
-
-        queue, flags = self.runtime.queue, cl.map_flags.READ
-        memory, _ = cl.enqueue_map_buffer(queue, self.buffer, flags, 0, (self.count,), self.dtype)
-        try:
-            yield memory
-        finally:
-            memory.base.release(queue)
 
     def argument(self) -> Any:
         """Return what a kernel takes."""
@@ -108,39 +109,35 @@ class Plane:
     """
 
     def __init__(self, runtime: Runtime, count: int, size: Size, outside: float) -> None:
-        self.runtime = runtime
-        self.count = count
-        self.size = size
-        self.outside = outside
+        self._describe(runtime, count, size, outside)
+        bytes_ = self._rows * self.pitch * 4
+        self.buffer = runtime.allocate(bytes_, self)
+        opencl().enqueue_fill_buffer(runtime.queue, self.buffer, np.float32(outside), 0, bytes_)
+
+    def _describe(self, runtime: Runtime, count: int, size: Size, outside: float) -> None:
+        self.runtime, self.count, self.size, self.outside = runtime, count, size, outside
         self._rows, self.pitch = plane_shape(count, size)
         self._image_shape = runtime.image_shape(self._rows, self.pitch)
-        self.buffer = runtime.allocate(self._rows * self.pitch * 4, self)
         self._image: Any = None
         self._image_is_current = False
-        opencl().enqueue_fill_buffer(runtime.queue, self.buffer, np.float32(outside), 0, self._rows * self.pitch * 4)
 
     @contextmanager
-    def _mapped(self, *, write_only: bool = False) -> Iterator[NDArray[np.float32]]:
-        """Give the whole memory [rows, pitch] to the host; written back at the end."""
+    def _mapped(self, *, write: bool = False) -> Iterator[NDArray[np.float32]]:
+        """Give the whole memory [rows, pitch] to the host; with `write` it is written back at the end."""
         cl = opencl()
-
-        self.runtime.touch()
-        self._image_is_current = False
         queue, shape = self.runtime.queue, (self._rows, self.pitch)
         if self.runtime.shares_memory:
-            flags = cl.map_flags.READ | cl.map_flags.WRITE
-            memory, _ = cl.enqueue_map_buffer(queue, self.buffer, flags, 0, shape, np.float32)
-            try:
+            flags = cl.map_flags.READ | cl.map_flags.WRITE if write else cl.map_flags.READ
+            with map_memory(self, shape, flags, np.float32) as memory:
                 yield memory
-            finally:
-                memory.base.release(queue)
+            return
+        memory = np.empty(shape, np.float32)
+        if write and self._image is None:
+            memory[...] = self.outside
         else:
-            memory = np.empty(shape, np.float32)
-            if not write_only or self._image is not None:
-                cl.enqueue_copy(queue, memory, self.buffer, is_blocking=True)
-            else:
-                memory[...] = self.outside
-            yield memory
+            cl.enqueue_copy(queue, memory, self.buffer, is_blocking=True)
+        yield memory
+        if write:
             cl.enqueue_copy(queue, self.buffer, memory, is_blocking=True)
 
     def _images(self, memory: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -150,7 +147,9 @@ class Plane:
 
     def upload(self, values: NDArray[np.float32]) -> None:
         """Replace the contents by `values` [count, rows, columns], any strides."""
-        with self._mapped(write_only=True) as memory:
+        self.runtime.touch()
+        self._image_is_current = False
+        with self._mapped(write=True) as memory:
             np.copyto(self._images(memory), values)
 
     def download(self, out: NDArray[np.float32] | None = None, region: Region | None = None) -> NDArray[np.float32]:
@@ -158,46 +157,30 @@ class Plane:
 
         Outside of `region` all pixels of an image are the same.
         """
-        cl = opencl()
-
         if out is None:
             self.runtime.memory.require_host(4 * self.count * self.size[0] * self.size[1])
             out = np.empty((self.count, *self.size), np.float32)
-        queue, shape = self.runtime.queue, (self._rows, self.pitch)
         beyond = None if region is None else region.beyond(self.size)
-        if self.runtime.shares_memory:
-            memory, _ = cl.enqueue_map_buffer(queue, self.buffer, cl.map_flags.READ, 0, shape, np.float32)
-        else:
-            memory = np.empty(shape, np.float32)
-            cl.enqueue_copy(queue, memory, self.buffer, is_blocking=True)
-        images = self._images(memory)
-        if beyond is not None:
-            copy_region(np.moveaxis(images, 0, -1), np.moveaxis(out, 0, -1), region, beyond)
-        else:
-            # One by one: numpy is slow where strides are in different order.
-            for target, image in zip(out, images, strict=True):
-                np.copyto(target, image)
-        if self.runtime.shares_memory:
-            memory.base.release(queue)
+        with self._mapped() as memory:
+            images = self._images(memory)
+            if beyond is not None:
+                copy_region(np.moveaxis(images, 0, -1), np.moveaxis(out, 0, -1), region, beyond)
+            else:
+                # One by one: numpy is slow where strides are in different order.
+                for target, image in zip(out, images, strict=True):
+                    np.copyto(target, image)
         return out
 
     def copy_image(self, index: int, source: Plane, count: int = 1) -> None:
         """Queue a copy of the first images of `source`, of the same size, to those from `index` on."""
-        import pyopencl as cl
-
         if source.size != self.size:
             raise ValueError(f"source has size {source.size}: expected {self.size}")
         size = self.size[0] * self.pitch * 4
         self.runtime.touch()
         self._image_is_current = False
-        event = cl.enqueue_copy(
-            self.runtime.queue,
-            self.buffer,
-            source.buffer,
-            byte_count=count * size,
-            src_offset=self.pitch * 4,
-            dst_offset=self.pitch * 4 + index * size,
-        )
+        row = self.pitch * 4
+        places = {"byte_count": count * size, "src_offset": row, "dst_offset": row + index * size}
+        event = opencl().enqueue_copy(self.runtime.queue, self.buffer, source.buffer, **places)
         self.runtime.record("copy", event)
 
     @property
@@ -207,7 +190,7 @@ class Plane:
 
     @property
     def _owner(self) -> object:
-        """What the memory counts for."""
+        """The object that the memory of the image is counted for."""
         return self
 
     def written(self) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from copy import copy
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -42,8 +43,8 @@ class DeviceGBuffer:
         emission: likewise; one pixel before the first contents that emit.
         mirrors: whether there are `specular`, 3 images, and `gloss`, 1 image: reflectance and
             exponent of the Phong lobe of layer 0.
-        opacity, transmitted: 1 image, which share of the surface of layer 0 is there, and 3, what
-            passes it of light from behind; of what was drawn of surfaces that are seen through.
+        opacity, transmitted: 1 image, share of the surface of layer 0 that is there, and 3 images,
+            share of the light from behind that passes it; of surfaces that are seen through.
         world: how long `normal_world` stays: "kept"; "until released" by `release_world`; or
             "until derived", when `normal` takes its memory over.
         sides: what `ssdo_bitmask.closed_sides` found in the current contents, None if it did not look.
@@ -68,13 +69,9 @@ class DeviceGBuffer:
     ) -> None:
         if attributes not in (0, 1, layers):
             raise ValueError(f"attributes is {attributes}: expected 0, 1 or {layers}, all layers")
-        self.runtime = runtime
-        self.size = size
-        self.margin = margin
-        self.layers = layers
-        self.attributes = attributes
-        self.front = 0
-        self.facing = 1.0
+        self.runtime, self.size, self.margin = runtime, size, margin
+        self.layers, self.attributes = layers, attributes
+        self.front, self.facing = 0, 1.0
         self.whole = (size[0] + 2 * margin[0], size[1] + 2 * margin[1])
         shown = self.whole if attributes else (1, 1)
         self.depth = runtime.plane(layers, shown, math.inf)
@@ -88,10 +85,7 @@ class DeviceGBuffer:
         self._own_world = runtime.plane(self._images, self.whole) if own else None
         self._emission: Plane | None = None
         self._no_emission = runtime.plane(1, (1, 1))
-        self.emits = False
-        self.mirrors = False
-        self._lobes: tuple[Plane, Plane] | None = None
-        self._through: tuple[Plane, Plane] | None = None
+        self.emits = self.mirrors = False
         self.has_facets = False
         self.region: Region | None = None
         self.previous_regions = [PreviousRegion() for _ in range(layers)]
@@ -108,35 +102,25 @@ class DeviceGBuffer:
             self._emission = self.runtime.plane(self._images, self.whole)
         return self._no_emission if self._emission is None else self._emission
 
-    @property
+    @cached_property
     def specular(self) -> Plane:
         """Reflectance of the lobe of layer 0."""
-        return self._lobe_planes()[0]
+        return self.runtime.plane(3, self.whole)
 
-    @property
+    @cached_property
     def gloss(self) -> Plane:
-        """Its exponent."""
-        return self._lobe_planes()[1]
+        """Exponent of that lobe."""
+        return self.runtime.plane(1, self.whole)
 
-    def _lobe_planes(self) -> tuple[Plane, Plane]:
-        if self._lobes is None:
-            self._lobes = self.runtime.plane(3, self.whole), self.runtime.plane(1, self.whole)
-        return self._lobes
-
-    @property
+    @cached_property
     def opacity(self) -> Plane:
-        """Which share of the surface of layer 0 is there."""
-        return self._through_planes()[0]
+        """Share of the surface of layer 0 that is there."""
+        return self.runtime.plane(1, self.whole)
 
-    @property
+    @cached_property
     def transmitted(self) -> Plane:
-        """What passes it of light from behind."""
-        return self._through_planes()[1]
-
-    def _through_planes(self) -> tuple[Plane, Plane]:
-        if self._through is None:
-            self._through = self.runtime.plane(1, self.whole), self.runtime.plane(3, self.whole)
-        return self._through
+        """Share of the light from behind that passes it."""
+        return self.runtime.plane(3, self.whole)
 
     @property
     def normal_world(self) -> Plane:

@@ -1,4 +1,4 @@
-"""How much memory this process may have: the machine's, its control group's and its own limits."""
+"""Memory that this process may have: the limits of the machine, its control group and its own."""
 
 from __future__ import annotations
 

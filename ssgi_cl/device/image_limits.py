@@ -1,4 +1,4 @@
-"""How large an OpenCL image may be on a device, and the image that holds a plane."""
+"""Limits of OpenCL images on a device, and the image that holds a plane."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How much memory a device has, how much of it is in use, and how much something would take."""
+"""Memory of a device: its limit, what is in use, and what something would take."""
 
 from __future__ import annotations
 
@@ -172,15 +172,13 @@ def outline(kind: type[T], **about: Any) -> T:
 
 
 class _Outline:
+    """A plane, an array or a kernel without memory, whose calls do nothing."""
+
     def __init__(self, **about: Any) -> None:
         self.buffer = None
         self.__dict__.update(about)
 
-    def upload(self, values: Any) -> None:
-        """Do nothing."""
+    def _nothing(self, *_: Any, **__: Any) -> None:
+        pass
 
-    def run(self, *_: Any, **__: Any) -> None:
-        """Do nothing."""
-
-    def written(self) -> None:
-        """Do nothing."""
+    upload = run = written = _nothing

@@ -28,7 +28,7 @@ class _Kept:
 
 
 class PreparedResults:
-    """What calls of the library left for later ones; see `Runtime.prepared`.
+    """Results that calls of the library left for later ones; see `Runtime.prepared`.
 
     Attributes:
         calls: number of the call of the library that runs now.

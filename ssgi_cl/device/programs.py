@@ -26,7 +26,7 @@ _NO_HEADER = "-D_OPENCL_H_"
 
 
 class Programs:
-    """What a device has compiled.
+    """The compiled programs of a device.
 
     Attributes:
         builds: programs compiled so far.

@@ -11,18 +11,15 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import ReflectiveShadowMap
-from ssgi_cl.core.lights import DirectionalLight, PointLight, SpotLight
+from ssgi_cl.core.lights import PunctualLight
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.constants import RSM_LEAST_COSINE
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, camera_values, floats, rotation_values
+from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, camera_values, floats, ints, rotation_values
 
 Doubles = NDArray[np.float64]
 
-FACE = Struct(
-    "RsmFace",
-    (*floats(*ROTATION, "x", "y", "z", "brightest"), *((name, "int") for name in ("first_row", "rows", "stamp"))),
-)
+FACE = Struct("RsmFace", (*floats(*ROTATION, "x", "y", "z", "brightest"), *ints("first_row", "rows", "stamp")))
 
 LEAST_COSINE = RSM_LEAST_COSINE
 MOST_AREA = 1e30
@@ -33,7 +30,7 @@ BRIGHTEST = 1e30
 
 @dataclass(frozen=True, eq=False)
 class Lobes:
-    """What the texels of a map mirror.
+    """The Phong lobes of a map's texels.
 
     Attributes:
         axis: 3 images, world space, unit length: where the light's ray is mirrored to; 0 where
@@ -78,20 +75,12 @@ class DeviceRsm:
     """
 
     def __init__(self, runtime: Runtime, face_size: Size, faces: int = 1, *, glossy: bool = False) -> None:
-        self.runtime = runtime
-        self.face_size = face_size
-        self.faces = faces
+        self.runtime, self.face_size, self.faces = runtime, face_size, faces
         self.size = (face_size[0] * faces, face_size[1])
-        self.position = runtime.plane(3, self.size)
-        self.normal = runtime.plane(3, self.size)
-        self.flux = runtime.plane(3, self.size)
-        self.area = runtime.plane(1, self.size)
-        self.lobes: Lobes | None = None
-        if glossy:
-            axis, flux, gloss = (runtime.plane(n, self.size) for n in (3, 3, 1))
-            self.lobes = Lobes(axis, flux, gloss)
+        self.position, self.normal, self.flux, self.area = (runtime.plane(n, self.size) for n in (3, 3, 3, 1))
+        self.lobes = Lobes(*(runtime.plane(n, self.size) for n in (3, 3, 1))) if glossy else None
         self.origin: Doubles = np.zeros(3)
-        self.light: SpotLight | PointLight | DirectionalLight | None = None
+        self.light: PunctualLight | None = None
         self.cameras: tuple[Camera, ...] = ()
         self.version = 0
         self.reach = math.inf
@@ -117,15 +106,10 @@ class DeviceRsm:
             mirrored = _specular_flux(rsm)
             self.lobes.axis.upload(np.moveaxis(mirrored_axes(rsm).astype(np.float32), -1, 0))
             self.lobes.flux.upload(np.moveaxis(mirrored, -1, 0))
-            self.lobes.gloss.upload(
-                np.zeros((1, *self.size), np.float32) if rsm.gloss is None else np.asarray(rsm.gloss)[None]
-            )
-        self.begin(
-            rsm.light,
-            rsm.cameras,
-            reach=float(np.abs(position).max()),
-            brightest=max(float(flux.max()), float(mirrored.max())),
-        )
+            gloss = np.zeros(self.size, np.float32) if rsm.gloss is None else np.asarray(rsm.gloss)
+            self.lobes.gloss.upload(gloss[None])
+        brightest = max(float(flux.max()), float(mirrored.max()))
+        self.begin(rsm.light, rsm.cameras, reach=float(np.abs(position).max()), brightest=brightest)
         lengths = np.maximum(np.abs(position).max(axis=-1), np.sqrt(area))[area > 0.0]
         if lengths.size:
             self.scales = float(lengths.min()), float(lengths.max())
@@ -138,14 +122,7 @@ class DeviceRsm:
         self._lit.upload(np.where(lit, self.version, -1).astype(np.int32))
         self._uploaded = rsm
 
-    def begin(
-        self,
-        light: SpotLight | PointLight | DirectionalLight,
-        cameras: tuple[Camera, ...],
-        *,
-        reach: float,
-        brightest: float,
-    ) -> None:
+    def begin(self, light: PunctualLight, cameras: tuple[Camera, ...], *, reach: float, brightest: float) -> None:
         """Note whose map comes next; `write_face` or `upload` bring it.
 
         Args:
@@ -272,7 +249,7 @@ def surfaces(rsm: ReflectiveShadowMap) -> tuple[Doubles, Doubles, Doubles]:
     depth = np.asarray(rsm.depth, np.float64)
     there = np.isfinite(depth)
     seen, to_light, section = [], [], []
-    for camera, face in zip(rsm.cameras, _faces(np.where(there, depth, 1.0), rsm), strict=True):
+    for camera, face in zip(rsm.cameras, np.split(np.where(there, depth, 1.0), len(rsm.cameras)), strict=True):
         to_x, to_y, at_x, at_y = camera.pixel_to_view
         x = np.broadcast_to(to_x * (np.arange(face.shape[1]) + 0.5) + at_x, face.shape)
         y = np.broadcast_to(to_y * (np.arange(face.shape[0])[:, None] + 0.5) + at_y, face.shape)
@@ -320,10 +297,6 @@ def _specular_flux(rsm: ReflectiveShadowMap) -> NDArray[np.float32]:
     seen = np.asarray(rsm.specular_flux) * np.isfinite(rsm.depth)[..., None]
     flux: NDArray[np.float32] = np.minimum(seen, np.float32(BRIGHTEST))
     return flux
-
-
-def _faces(array: NDArray[np.float64], rsm: ReflectiveShadowMap) -> list[Doubles]:
-    return np.split(array, len(rsm.cameras))
 
 
 def on_device_rsm(rsm: ReflectiveShadowMap | DeviceRsm, runtime: Runtime | None = None) -> DeviceRsm:

@@ -6,7 +6,6 @@ import gc
 import os
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager
 from functools import wraps
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
@@ -29,7 +28,7 @@ from ssgi_cl.device.prepared import PreparedResults
 from ssgi_cl.device.process import check_not_forked, load_driver, usable_device
 from ssgi_cl.device.programs import Programs
 from ssgi_cl.device.structs import Struct
-from ssgi_cl.device.timing import FrameLog, PassTime
+from ssgi_cl.device.timing import FrameLog
 from ssgi_cl.device.transient import TransientMemory
 
 P = ParamSpec("P")
@@ -53,6 +52,8 @@ class Runtime:
         lock: held by what another thread's work on this device must not come between.
         image_limits: of images, where kernels read those.
         allocated_bytes: device memory taken so far, in all.
+        frame, times, part, skip: the functions of `FrameLog`: passes of a frame and their times.
+        kernel_from_text: as `Programs.kernel_from_text`.
     """
 
     def __init__(self, info: DeviceInfo, variant: KernelVariant) -> None:
@@ -72,7 +73,9 @@ class Runtime:
         self.programs = Programs(self, short_header=device.platform.name == "Portable Computing Language")
         self.transient = TransientMemory(self)
         self._prepared = PreparedResults(self)
-        self._log = FrameLog()
+        self._log = log = FrameLog()
+        self.frame, self.times, self.part, self.skip = log.frame, log.times, log.part, log.skip
+        self.kernel_from_text = self.programs.kernel_from_text
         self.lock = threading.RLock()
         self._depth = 0  # of calls within calls, in the thread that has the lock
         self._working = False
@@ -290,12 +293,6 @@ class Runtime:
         """Return a kernel of a file in kernels/, see `Programs.kernel`."""
         return self.programs.kernel(path, macros, structs, most_lanes=most_lanes)
 
-    def kernel_from_text(
-        self, name: str, text: str, macros: Mapping[str, int] | None = None, structs: Sequence[Struct] = ()
-    ) -> Kernel:
-        """Return the kernel called `name` in `text`, see `Programs.kernel_from_text`."""
-        return self.programs.kernel_from_text(name, text, macros, structs)
-
     @property
     def builds(self) -> int:
         """Programs compiled so far, in all."""
@@ -303,25 +300,9 @@ class Runtime:
 
     # ---- time
 
-    def frame(self, costs: dict[str, float] | None = None) -> AbstractContextManager[None]:
-        """Collect this thread's passes within, see `FrameLog.frame`."""
-        return self._log.frame(costs)
-
-    def times(self) -> list[PassTime]:
-        """Return the passes of the latest frame, in order; waits for those still running."""
-        return self._log.times()
-
     def record(self, name: str, event: Any) -> None:
         """Add a pass to the current frame."""
         self._log.events.append((name, event))
-
-    def part(self, name: str) -> AbstractContextManager[None]:
-        """Note that the passes within make up a part of the frame, which may be skipped as one."""
-        return self._log.part(name)
-
-    def skip(self, name: str, why: str, saved: float | None = None) -> None:
-        """Note in the current frame that a pass or part was not needed, see `FrameLog.skip`."""
-        self._log.skip(name, why, saved)
 
     @property
     def noted(self) -> int:

@@ -1,4 +1,4 @@
-"""What a kernel takes: the names, types and order of its parameters, asked of its driver.
+"""Signature of a kernel: the names, types and order of its parameters, asked of its driver.
 
 Drivers keep this (clGetKernelArgInfo of OpenCL 1.2) in programs built with `ARGUMENT_INFO`. Its
 text adds what macros hide from the compiler: `PLANE`, `OPTIONAL` and the parameters that the kernel
@@ -56,7 +56,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Signature:
-    """What a kernel takes, as it was built.
+    """The parameters of a kernel as it was built.
 
     Attributes:
         kernel: its name.

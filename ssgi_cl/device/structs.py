@@ -48,6 +48,11 @@ def floats(*names: str) -> tuple[tuple[str, str], ...]:
     return tuple((name, "float") for name in names)
 
 
+def ints(*names: str) -> tuple[tuple[str, str], ...]:
+    """Return int members of these names."""
+    return tuple((name, "int") for name in names)
+
+
 CAMERA = Struct(
     "SsgiCamera", floats("to_x", "at_x", "to_y", "at_y", "from_x", "centre_x", "from_y", "centre_y", "perspective")
 )

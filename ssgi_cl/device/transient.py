@@ -17,104 +17,13 @@ import numpy as np
 from ssgi_cl.device.active_region import PreviousRegion, Region
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size, plane_shape
 from ssgi_cl.device.opencl import opencl
+from ssgi_cl.device.transient_chunks import ALIGNMENT, Chunk, Layout, Piece
 
 if TYPE_CHECKING:
     from ssgi_cl.device.runtime import Runtime
 
-_Layout = tuple[int, int, int, float]
-"""Rows, floats in a row, columns of pixels, outside value."""
 
-
-ALIGNMENT = 4096
-"""Bytes of which starts of pieces are multiples; devices need at most this."""
-
-
-class _Piece:
-    """A part of a chunk, and what has it or had it last.
-
-    Attributes:
-        chunk: that it is a part of.
-        start, size: bytes.
-        buffer: of the driver.
-        user: weak reference to the plane or array that has it, dead if it is free.
-        layout: of the plane whose guards it holds, None if it holds none.
-    """
-
-    def __init__(self, chunk: _Chunk, start: int, size: int) -> None:
-        self.chunk = chunk
-        self.start = start
-        self.size = size
-        self.user: weakref.ref[Any] | None = None
-        self.layout: _Layout | None = None
-        self.buffer = chunk.part(start, size)
-
-    @property
-    def free(self) -> bool:
-        return self.user is None or self.user() is None
-
-    @property
-    def end(self) -> int:
-        return self.start + self.size
-
-
-class _Chunk:
-    """Device memory in one piece.
-
-    Attributes:
-        size: bytes.
-        pieces: given out now, or before and not written over since.
-        call: number of the library's call that used it last.
-    """
-
-    def __init__(self, runtime: Runtime, size: int) -> None:
-        self.size = size
-        self.pieces: list[_Piece] = []
-        self.call = 0
-        self.buffer = runtime.allocate(size, self)
-        self._parts: dict[tuple[int, int], Any] = {}
-
-    def part(self, start: int, size: int) -> Any:
-        """Return a part of the buffer, kept as long as the chunk: what is queued may use it."""
-        part = self._parts.get((start, size))
-        if part is None:
-            part = self._parts[start, size] = self.buffer.get_sub_region(start, size)
-        return part
-
-    @property
-    def free(self) -> bool:
-        return all(piece.free for piece in self.pieces)
-
-    @property
-    def used(self) -> int:
-        return sum(piece.size for piece in self.pieces if not piece.free)
-
-    def gaps(self) -> Iterator[tuple[int, int]]:
-        """Give start and size of each part that is free."""
-        start = 0
-        for piece in sorted((p for p in self.pieces if not p.free), key=lambda p: p.start):
-            if piece.start > start:
-                yield start, piece.start - start
-            start = piece.end
-        if start < self.size:
-            yield start, self.size - start
-
-    def take(self, start: int, room: int, size: int, layout: _Layout | None) -> _Piece:
-        """Return a piece of a gap, the one with the wanted guards if there is one."""
-        for piece in self.pieces:
-            if (
-                piece.free
-                and piece.size == size
-                and piece.layout == layout
-                and start <= piece.start
-                and piece.end <= start + room
-            ):
-                break
-        else:
-            piece = _Piece(self, start, size)
-        self.pieces = [p for p in self.pieces if p.end <= piece.start or p.start >= piece.end] + [piece]
-        return piece
-
-
+@dataclass(eq=False)
 class _Image:
     """A copy of a plane's contents as kernels read them.
 
@@ -123,9 +32,8 @@ class _Image:
         user: weak reference to the plane that has it.
     """
 
-    def __init__(self) -> None:
-        self.image: Any = None
-        self.user: weakref.ref[Any] | None = None
+    image: Any = None
+    user: weakref.ref[Any] | None = None
 
 
 class TransientPlane(Plane):
@@ -136,28 +44,14 @@ class TransientPlane(Plane):
     """
 
     def __init__(
-        self,
-        memory: TransientMemory,
-        piece: _Piece,
-        count: int,
-        size: Size,
-        outside: float,
-        background: Sequence[float],
+        self, memory: TransientMemory, piece: Piece, count: int, size: Size, outside: float, background: Sequence[float]
     ) -> None:
-        runtime = memory.runtime
-        self.runtime = runtime
-        self.count = count
-        self.size = size
-        self.outside = outside
+        self._describe(memory.runtime, count, size, outside)
         self.background = tuple(background)
-        self._rows, self.pitch = plane_shape(count, size)
-        self._image_shape = runtime.image_shape(self._rows, self.pitch)
         self._pool = memory
         self._piece = piece
         self.buffer = piece.buffer
         self._own_image: _Image | None = None
-        self._image: Any = None
-        self._image_is_current = False
 
     def within(self, region: Region | None) -> Region | None:
         """Return `region`, outside of which all pixels are set to the background, if it is one."""
@@ -193,10 +87,8 @@ class TransientPlane(Plane):
 class TransientArray(DeviceArray):
     """An array whose memory others get as soon as nothing refers to it any more."""
 
-    def __init__(self, runtime: Runtime, piece: _Piece, count: int, dtype: type[np.generic]) -> None:
-        self.runtime = runtime
-        self.dtype = np.dtype(dtype)
-        self.count = count
+    def __init__(self, runtime: Runtime, piece: Piece, count: int, dtype: type[np.generic]) -> None:
+        self.runtime, self.count, self.dtype = runtime, count, np.dtype(dtype)
         self._piece = piece
         self.buffer = piece.buffer
         self._sent: Any = None
@@ -215,7 +107,7 @@ class TransientMemory:
 
     def __init__(self, runtime: Runtime) -> None:
         self.runtime = runtime
-        self._chunks: list[_Chunk] = []
+        self._chunks: list[Chunk] = []
         self._images: dict[Size, list[_Image]] = {}
         self._borders: dict[float, DeviceArray] = {}
         # For tests: whether memory is ever given out twice, and whether it is NaN when it is.
@@ -286,7 +178,7 @@ class TransientMemory:
         rows, pitch = plane_shape(count, size)
         return self._array(rows * pitch, np.float32, (rows, pitch, size[1], 0.0))
 
-    def _array(self, count: int, dtype: type[np.generic], layout: _Layout | None) -> DeviceArray:
+    def _array(self, count: int, dtype: type[np.generic], layout: Layout | None) -> DeviceArray:
         if self.runtime.memory.counting:
             return self.runtime.empty(count, dtype)
         count = max(count, 1)
@@ -324,16 +216,11 @@ class TransientMemory:
         self._images.clear()
         return True
 
-    def _free(self, size: int, layout: _Layout | None) -> _Piece:
+    def _free(self, size: int, layout: Layout | None) -> Piece:
         """Return a piece of the least gap that fits, in a new chunk if there is none."""
         size = -(-size // ALIGNMENT) * ALIGNMENT
-        gaps = [
-            (room, start, chunk)
-            for chunk in self._chunks
-            if self._sharing
-            for start, room in chunk.gaps()
-            if room >= size
-        ]
+        chunks = self._chunks if self._sharing else []
+        gaps = [(room, start, chunk) for chunk in chunks for start, room in chunk.gaps() if room >= size]
         room, start, chunk = min(gaps, key=lambda gap: gap[:2], default=(0, 0, None))
         if chunk is None:
             chunk = self._grown(size)
@@ -346,14 +233,14 @@ class TransientMemory:
             self._fill(piece.buffer, np.nan, 0, size)
         return piece
 
-    def _drop(self, chunk: _Chunk) -> None:
+    def _drop(self, chunk: Chunk) -> None:
         self._chunks.remove(chunk)
         chunk.pieces = []  # which refer to it in turn
 
-    def _grown(self, size: int) -> _Chunk:
+    def _grown(self, size: int) -> Chunk:
         """Return a new chunk of at least `size` bytes, in place of free ones that are too small."""
         dropped = 0
-        chunk: _Chunk | None
+        chunk: Chunk | None
         self.runtime.queue.finish()  # what is queued may use what goes
         for chunk in sorted(self._chunks, key=lambda chunk: -chunk.size):
             if chunk.free and (dropped < size or not self._sharing):
@@ -363,14 +250,14 @@ class TransientMemory:
         wanted = max(size, dropped) if self._sharing else size
         return self._new(wanted if wanted <= self.runtime.memory.largest else size)
 
-    def _new(self, size: int) -> _Chunk:
+    def _new(self, size: int) -> Chunk:
         with self.runtime.memory.keeping(False):  # it is bounded by the largest frame
-            chunk = _Chunk(self.runtime, size)
+            chunk = Chunk(self.runtime, size)
         chunk.call = self.runtime.calls
         self._chunks.append(chunk)
         return chunk
 
-    def clear(self, piece: _Piece, count: int, size: Size, outside: float, background: Sequence[float]) -> None:
+    def clear(self, piece: Piece, count: int, size: Size, outside: float, background: Sequence[float]) -> None:
         """Queue what sets the images of a plane to their background."""
         rows, pitch = plane_shape(count, size)
         if all(value == outside for value in background):
@@ -382,12 +269,10 @@ class TransientMemory:
         piece.layout = None
         self._border(piece, (rows, pitch, size[1], outside))
 
-    def _border(self, piece: _Piece, layout: _Layout) -> None:
+    def _border(self, piece: Piece, layout: Layout) -> None:
         """Queue what sets the guards of a plane to its outside value, unless they are."""
         if piece.layout == layout:
             return
-        cl = opencl()
-
         piece.layout = None
         rows, pitch, columns, outside = layout
         wide = 4 * (pitch - columns)
@@ -396,16 +281,9 @@ class TransientMemory:
         values = self._border_values(outside, rows * (pitch - columns))
         # In the whole chunk: PoCL 3 crashes where rectangles of a part of a buffer are copied.
         row, column = divmod(piece.start + 4 * columns, 4 * pitch)
-        cl.enqueue_copy(
-            self.runtime.queue,
-            piece.chunk.buffer,
-            values.buffer,
-            src_origin=(0, 0),
-            dst_origin=(column, row),
-            region=(wide, rows),
-            src_pitches=(wide,),
-            dst_pitches=(4 * pitch,),
-        )
+        source = {"src_origin": (0, 0), "src_pitches": (wide,)}
+        target = {"dst_origin": (column, row), "dst_pitches": (4 * pitch,), "region": (wide, rows)}
+        opencl().enqueue_copy(self.runtime.queue, piece.chunk.buffer, values.buffer, **source, **target)
         piece.layout = layout
 
     def _border_values(self, outside: float, count: int) -> DeviceArray:
@@ -419,16 +297,14 @@ class TransientMemory:
         return values
 
     def _fill(self, buffer: Any, value: float, start: int, size: int, name: str | None = None) -> None:
-        cl = opencl()
-
         self.runtime.touch()
-        event = cl.enqueue_fill_buffer(self.runtime.queue, buffer, np.float32(value), start, size)
+        event = opencl().enqueue_fill_buffer(self.runtime.queue, buffer, np.float32(value), start, size)
         if name is not None:
             self.runtime.record(name, event)
 
 
 class Target:
-    """Where a pass writes: a plane of its own that keeps its contents, or a transient one.
+    """The output of a pass: a plane of its own that keeps its contents, or a transient one.
 
     Args:
         runtime: the device.
@@ -439,10 +315,7 @@ class Target:
     """
 
     def __init__(self, runtime: Runtime, count: int, size: Size, outside: float = 0.0, *, kept: bool = True) -> None:
-        self.runtime = runtime
-        self.count = count
-        self.size = size
-        self.outside = outside
+        self.runtime, self.count, self.size, self.outside = runtime, count, size, outside
         self._plane = runtime.plane(count, size, outside) if kept else None
         self._previous = PreviousRegion()
 

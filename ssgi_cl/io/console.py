@@ -1,4 +1,4 @@
-"""What the commands share: options, error messages, progress, the report at the end."""
+"""Shared parts of the commands: options, error messages, progress, the report at the end."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import resource
 import shutil
 import sys
 import textwrap
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
@@ -45,12 +45,10 @@ def human_errors(command: Callable[..., None]) -> Callable[..., None]:
     def run(*args: Any, **kwargs: Any) -> None:
         try:
             command(*args, **kwargs)
-        except BrokenPipeError:
-            raise  # whoever reads the output has gone, such as `head`
-        except (click.exceptions.Exit, click.Abort, click.ClickException):
-            raise
         except Exception as error:
-            if not is_expected(error):
+            # A broken pipe: whoever reads the output has gone, such as `head`.
+            ends = BrokenPipeError, click.exceptions.Exit, click.Abort, click.ClickException
+            if isinstance(error, ends) or not is_expected(error):
                 raise
             raise click.ClickException(printable(one_line(error))) from error
 
@@ -97,14 +95,9 @@ def printable(text: str) -> str:
 def progress(silent: bool) -> Iterator[Callable[[str], None]]:
     """Give a function that names the step under way; shown on a terminal, on standard error."""
     console = Console(stderr=True)
-    with Progress(
-        SpinnerColumn(),
-        TextColumn("{task.description}"),
-        TimeElapsedColumn(),
-        console=console,
-        transient=True,
-        disable=silent or not console.is_terminal,
-    ) as progress:
+    columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
+    hidden = silent or not console.is_terminal
+    with Progress(*columns, console=console, transient=True, disable=hidden) as progress:
         task = progress.add_task("", total=None)
         yield lambda text: progress.update(task, description=escape(printable(text)))
 
@@ -137,7 +130,7 @@ def wrapped(text: str, indent: str) -> str:
 def report(
     as_json: bool,
     runtime: Runtime,
-    passes: list[PassTime] | tuple[PassTime, ...],
+    passes: Sequence[PassTime],
     files: list[Path],
     facts: dict[str, Any],
     *,
@@ -145,26 +138,12 @@ def report(
 ) -> None:
     """Print what ran; with `explain` also what was left out, why, and what that saves."""
     if as_json:
-        print(
-            json.dumps(
-                {
-                    **facts,
-                    "device": runtime.info.label,
-                    "variant": str(runtime.variant),
-                    "passes": [
-                        {
-                            "name": p.name,
-                            "ms": round(p.ms, 4),
-                            "skipped": p.skipped or None,
-                            "saved_ms": round(p.saved, 4),
-                        }
-                        for p in passes
-                    ],
-                    "files": [printable(str(path)) for path in files],
-                },
-                indent=1,
-            )
-        )
+        entries = [
+            {"name": p.name, "ms": round(p.ms, 4), "skipped": p.skipped or None, "saved_ms": round(p.saved, 4)}
+            for p in passes
+        ]
+        about = {**facts, "device": runtime.info.label, "variant": str(runtime.variant), "passes": entries}
+        print(json.dumps({**about, "files": [printable(str(path)) for path in files]}, indent=1))
         return
     click.echo(f"{runtime.info.label}, {runtime.variant}")
     table = Table("pass", "ms")
@@ -182,7 +161,7 @@ def report(
         console.print(printable(f"wrote {path}"), highlight=False, markup=False)
 
 
-def _explanation(passes: list[PassTime] | tuple[PassTime, ...]) -> Table:
+def _explanation(passes: Sequence[PassTime]) -> Table:
     """Return the table of what was left out."""
     table = Table("left out", "why", "saves ms, by estimate")
     table.columns[2].justify = "right"
@@ -195,7 +174,7 @@ def _explanation(passes: list[PassTime] | tuple[PassTime, ...]) -> Table:
     return table
 
 
-def _merged(passes: list[PassTime] | tuple[PassTime, ...]) -> dict[str, tuple[int, float, str]]:
+def _merged(passes: Sequence[PassTime]) -> dict[str, tuple[int, float, str]]:
     """Return name -> (count, milliseconds, why skipped) in order of first appearance."""
     merged: dict[str, tuple[int, float, str]] = {}
     for p in passes:

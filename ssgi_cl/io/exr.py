@@ -24,12 +24,10 @@ _SUFFIXES = {"normal": ("X", "Y", "Z")}
 
 # Usual names, in order of preference. "*." stands for any prefix (a layer and a pass).
 _DEPTH_NAMES = ("Z", "depth", "depth.V", "Depth", "Depth.V", "depth.Z", "*.Depth.Z", "*.Depth.V")
+_ALBEDO_STEMS = ("albedo", "Albedo", "diffuse_albedo", "DiffCol", "*.DiffCol", "*.albedo", "*.Diffuse Color")
 _STEMS_OF = {
     "normal": ("N", "normal", "Normal", "normals", "*.Normal", "*.normal"),
-    "albedo": (
-        *("albedo", "Albedo", "diffuse_albedo", "DiffCol", "*.DiffCol", "*.albedo"),
-        *("*.Diffuse Color", "*.Denoising Albedo"),
-    ),
+    "albedo": (*_ALBEDO_STEMS, "*.Denoising Albedo"),
     "emission": ("emission", "Emission", "*.Emit", "*.Emission", "*.emission"),
 }
 
@@ -83,11 +81,7 @@ def add(path: str | os.PathLike[str], arrays: Mapping[str, ArrayLike]) -> None:
     """
     new, size = _planes(arrays), read_header(Path(path)).size
     for name, plane in new.items():
-        if plane.shape != size:
-            raise ValueError(
-                f"{name} has {plane.shape[0]} rows and {plane.shape[1]} columns: expected "
-                f"{size[0]} x {size[1]} as the file's data window"
-            )
+        _check_size(name, plane, size, "the file's data window")
     header, present = _decoded(os.fspath(path), size)
     own = {"channels", "compression", "type", "tiles", "lineOrder", "chunkCount", "version"}
     kept = {name: value for name, value in header.items() if name not in own}
@@ -134,11 +128,7 @@ def _planes(arrays: Mapping[str, ArrayLike]) -> dict[str, NDArray[np.float32]]:
         if array.ndim not in (2, 3) or array.shape[2:] not in ((), (1,), (3,)) or array.size == 0:
             raise ValueError(f"{name} has shape {array.shape}: expected (rows, columns) or (rows, columns, 3)")
         size = size or array.shape[:2]
-        if array.shape[:2] != size:
-            raise ValueError(
-                f"{name} has {array.shape[0]} rows and {array.shape[1]} columns: expected "
-                f"{size[0]} x {size[1]} as the arrays before it"
-            )
+        _check_size(name, array, size, "the arrays before it")
         for channel, plane in _split(name, array):
             if channel in channels:
                 raise ValueError(f"{name} needs the channel {channel!r}, which is taken already")
@@ -146,6 +136,12 @@ def _planes(arrays: Mapping[str, ArrayLike]) -> dict[str, NDArray[np.float32]]:
     if not channels:
         raise ValueError("arrays is empty: expected at least one array")
     return channels
+
+
+def _check_size(name: str, array: NDArray[Any], size: tuple[int, ...], what: str) -> None:
+    rows, columns = array.shape[:2]
+    if (rows, columns) != size:
+        raise ValueError(f"{name} has {rows} rows and {columns} columns: expected {size[0]} x {size[1]} as {what}")
 
 
 def _split(name: str, array: NDArray[np.float32]) -> Iterator[tuple[str, NDArray[np.float32]]]:

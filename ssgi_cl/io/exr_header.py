@@ -26,19 +26,9 @@ _MOST_RATIO = 2000
 _PIXEL_BYTES = {0: 4, 1: 2, 2: 4}  # unsigned, half, float
 # By the number of the compression: its name, and the lines of a chunk.
 _COMPRESSIONS = (
-    ("none", 1),
-    ("RLE", 1),
-    ("ZIPS", 1),
-    ("ZIP", 16),
-    ("PIZ", 32),
-    ("PXR24", 16),
-    ("B44", 32),
-    ("B44A", 32),
-    ("DWAA", 32),
-    ("DWAB", 256),
-    ("HTJ2K256", 256),
-    ("HTJ2K32", 32),
-)
+    ("none", 1), ("RLE", 1), ("ZIPS", 1), ("ZIP", 16), ("PIZ", 32), ("PXR24", 16), ("B44", 32), ("B44A", 32),
+    ("DWAA", 32), ("DWAB", 256), ("HTJ2K256", 256), ("HTJ2K32", 32),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -52,7 +42,7 @@ class Channel:
 
 @dataclass(frozen=True)
 class ExrHeader:
-    """What the header of a file with one part of flat pixels says.
+    """The header of a file with one part of flat pixels.
 
     Attributes:
         data, display: the windows of the pixels in the file and of the image.

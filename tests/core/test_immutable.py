@@ -1,4 +1,4 @@
-"""What is cached by identity can't change unnoticed: its arrays are read-only, in copies too."""
+"""Objects cached by identity: their arrays are read-only, in copies too."""
 
 from __future__ import annotations
 
@@ -19,20 +19,14 @@ from ssgi_cl.core.lights import DirectionalLight, Environment, PointLight, SpotL
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.runtime import Runtime
 
+from ..rasterize.meshes import scene_of
+
 CORNERS = np.float32([[-1, -1, -2], [1, -1, -2], [0, 1, -2]])
 
 
 def triangle(positions: Any = CORNERS, texture: Any = None) -> Scene:
-    """A triangle 2 units in front of the world's origin."""
-    return Scene(
-        positions=positions,
-        normals=np.float32([[0, 0, 1]] * 3),
-        uvs=np.zeros((3, 2), np.float32),
-        colors=np.ones((3, 3), np.float32),
-        triangles=np.int32([[0, 1, 2]]),
-        material_ids=np.zeros(1, np.int32),
-        textures=[np.zeros((2, 2, 4), np.uint8) if texture is None else texture],  # type: ignore[arg-type]
-    )
+    """Return a triangle 2 units in front of the world's origin."""
+    return scene_of(positions, textures=[np.zeros((2, 2, 4), np.uint8) if texture is None else texture])
 
 
 def camera() -> Camera:
@@ -75,11 +69,8 @@ COPIES: dict[str, Callable[[Any], Any]] = {
 def arrays_of(made: Any) -> Iterator[tuple[str, Any]]:
     for field in dataclasses.fields(made):
         value = getattr(made, field.name)
-        yield from (
-            (field.name, one)
-            for one in (value if isinstance(value, tuple) else (value,))
-            if isinstance(one, np.ndarray)
-        )
+        values = value if isinstance(value, tuple) else (value,)
+        yield from ((field.name, one) for one in values if isinstance(one, np.ndarray))
     if isinstance(made, Scene):
         yield "bounds", made.bounds
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,8 @@ import pytest
 
 from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.core.scene_parts import FAINTEST, scene_parts
+
+from ..rasterize.meshes import scene_of
 
 SOLID = Material(name="solid")
 GLASS = Material(name="glass", albedo=(0.05,) * 3, transmission=(0.9, 0.8, 0.7))
@@ -19,17 +22,16 @@ FAINT = replace(SMOKE, name="faint", alpha=0.25)
 LEAF = Material(name="leaf", texture=0, blends=True, alpha_cutoff=0.5)
 
 
-def scene_of(*materials: Material) -> Scene:
+def scene_with(*materials: Material) -> Scene:
     """Return a triangle of each material, and a vertex that none has."""
     count = len(materials)
     points = np.arange(9 * count + 3, dtype=np.float32).reshape(-1, 3) ** 1.5
-    return Scene(
-        positions=points,
-        normals=np.zeros_like(points),
+    return scene_of(
+        points,
+        np.arange(3 * count).reshape(-1, 3),
         uvs=points[:, :2] / 100,
         colors=points / points.max(),
-        triangles=np.arange(3 * count, dtype=np.int32).reshape(-1, 3),
-        material_ids=np.arange(count, dtype=np.int32),
+        material_ids=np.arange(count),
         materials=materials,
         textures=(np.full((2, 2, 4), 200, np.uint8),),
     )
@@ -41,7 +43,7 @@ def names(scene: Scene | None) -> list[str]:
 
 
 def test_a_scene_that_nothing_is_seen_through_is_all_its_parts() -> None:
-    scene = scene_of(SOLID, SOLID)
+    scene = scene_with(SOLID, SOLID)
     parts = scene_parts(scene)
     assert parts.solid is scene
     assert parts.casting is scene
@@ -49,7 +51,7 @@ def test_a_scene_that_nothing_is_seen_through_is_all_its_parts() -> None:
 
 
 def test_each_triangle_is_solid_or_blended_and_keeps_all_that_it_has() -> None:
-    scene = scene_of(SOLID, GLASS, SMOKE, SOLID, LEAF)
+    scene = scene_with(SOLID, GLASS, SMOKE, SOLID, LEAF)
     parts = scene_parts(scene)
     assert parts.blended is not None
     assert names(parts.solid) == ["solid", "solid"]
@@ -63,7 +65,7 @@ def test_each_triangle_is_solid_or_blended_and_keeps_all_that_it_has() -> None:
 
 
 def test_what_stops_half_of_the_light_casts_shadows() -> None:
-    scene = scene_of(SOLID, GLASS, DARK, SMOKE, FAINT, LEAF)
+    scene = scene_with(SOLID, GLASS, DARK, SMOKE, FAINT, LEAF)
     casting = scene_parts(scene).casting
     assert names(casting) == ["solid", "dark", "smoke", "leaf"]
     assert not casting.is_seen_through
@@ -73,18 +75,18 @@ def test_what_stops_half_of_the_light_casts_shadows() -> None:
 
 
 def test_where_none_of_them_casts_the_solid_part_does() -> None:
-    parts = scene_parts(scene_of(SOLID, GLASS, FAINT))
+    parts = scene_parts(scene_with(SOLID, GLASS, FAINT))
     assert parts.casting is parts.solid
 
 
 def test_texels_that_show_nothing_are_left_out_of_layers() -> None:
-    blended = scene_parts(scene_of(SOLID, LEAF, SMOKE, GLASS)).blended
+    blended = scene_parts(scene_with(SOLID, LEAF, SMOKE, GLASS)).blended
     assert blended is not None
     assert [m.alpha_cutoff for m in blended.used_materials] == [FAINTEST, 0.0, 0.0]
 
 
 def test_without_anything_solid_a_triangle_without_area_is_left() -> None:
-    scene = scene_of(GLASS)
+    scene = scene_with(GLASS)
     parts = scene_parts(scene)
     assert len(parts.solid.triangles) == 1
     assert len(set(parts.solid.triangles[0].tolist())) == 2
@@ -93,16 +95,14 @@ def test_without_anything_solid_a_triangle_without_area_is_left() -> None:
 
 
 def test_parts_are_made_once_and_go_with_the_scene() -> None:
-    scene = scene_of(SOLID, GLASS)
+    scene = scene_with(SOLID, GLASS)
     parts = scene_parts(scene)
     assert scene_parts(scene) is parts
     assert scene_parts(replace(scene)) is not parts
-    gone = [id(parts)]
+    gone = weakref.ref(parts)
     del scene, parts
     gc.collect()
-    kept = [one for one in gc.get_objects() if type(one).__name__ == "SceneParts"]
-    assert id(kept) not in gone
-    assert all(id(one) not in gone for one in kept)
+    assert gone() is None
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from ssgi_cl.device.drivers import caches as driver_caches
 from ssgi_cl.device.drivers.caches import cache_folder, pocl_folder
 
 NOWHERE = "/proc/nowhere"
-"""Where nobody can make a file, whoever runs the tests."""
+"""A folder in which nobody can make a file, whoever runs the tests."""
 replaced: Any = driver_caches.replaced_caches.__wrapped__
 
 

@@ -79,27 +79,14 @@ def test_a_recorded_failure_names_its_file_and_how_to_try_again(alone: Path, mon
         drivers.choose("test")
     message = str(caught.value)
     (record,) = drivers.cache_folder().glob("*.json")
-    for words in (
-        "Test 1: a",
-        FORM,
-        WHY,
-        str(record),
-        "for 24 hours",
-        "ssgi devices --refresh",
-        "pip install 'ssgi-cl[pocl]'",
-        "pip install 'ssgi-cl[intel]'",
-        "pocl-opencl-icd",
-    ):
+    install = ("pip install 'ssgi-cl[pocl]'", "pip install 'ssgi-cl[intel]'", "pocl-opencl-icd")
+    for words in ("Test 1: a", FORM, WHY, str(record), "for 24 hours", "ssgi devices --refresh", *install):
         assert words in message
     result = CliRunner().invoke(command.main, ["devices"])
     assert result.exit_code == 0
     shown = " ".join(result.output.split())
-    for words in (
-        "error: unknown target CPU 'generic'",
-        str(record),
-        "ssgi devices --refresh",
-        "No kernel runs on any of these. Install a driver",
-    ):
+    advice = ("ssgi devices --refresh", "No kernel runs on any of these. Install a driver")
+    for words in ("error: unknown target CPU 'generic'", str(record), *advice):
         assert words in shown
     assert len(probed) == 1
     result = CliRunner().invoke(command.main, ["devices", "--refresh"])

@@ -6,7 +6,7 @@ import os
 import resource
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
@@ -21,7 +21,7 @@ from ssgi_cl.device.runtime import Runtime
 ENTRY = {"platform": 0, "device": 0, "label": "Test 1.0: chip", "kind": "cpu", "units": 2}
 DRIVER = Path("/nowhere/test.icd")
 NAMES = [str(variant) for variant in KERNEL_VARIANTS]
-Rounds = Iterator[Sequence[float | str]]
+Rounds = Callable[..., list[list[str]]]
 
 
 @pytest.fixture(autouse=True)
@@ -32,7 +32,7 @@ def no_damage(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def rounds(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[list[str]]]:
+def rounds(monkeypatch: pytest.MonkeyPatch) -> Rounds:
     """A function that sets what each form does in each process; it gives what was asked for."""
 
     def set_rounds(*speeds: Sequence[float | str]) -> list[list[str]]:
@@ -62,7 +62,7 @@ def probed() -> DeviceInfo:
     return info
 
 
-def test_a_form_that_kills_twice_is_reported_with_how(rounds: Callable[..., list[list[str]]]) -> None:
+def test_a_form_that_kills_twice_is_reported_with_how(rounds: Rounds) -> None:
     asked = rounds([10.0, "dies", 80.0, "dies"])
     crash = "the driver crashes or hangs on it: it was ended by SIGBUS"
     assert probed().speeds == dict(zip(NAMES, [10.0, crash, 80.0, crash], strict=True))
@@ -71,14 +71,12 @@ def test_a_form_that_kills_twice_is_reported_with_how(rounds: Callable[..., list
     assert asked[0] == asked[1] == NAMES  # what may have been the machine is tried again
 
 
-def test_a_form_that_kills_once_runs(rounds: Callable[..., list[list[str]]]) -> None:
+def test_a_form_that_kills_once_runs(rounds: Rounds) -> None:
     rounds([10.0, 20.0, 80.0, "dies"], [10.0, 20.0, 80.0, 90.0])
     assert probed().speeds == dict(zip(NAMES, [10.0, 20.0, 80.0, 90.0], strict=True))
 
 
-def test_a_process_that_died_of_a_damaged_cache_does_not_count(
-    rounds: Callable[..., list[list[str]]], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_process_that_died_of_a_damaged_cache_does_not_count(rounds: Rounds, monkeypatch: pytest.MonkeyPatch) -> None:
     rounds(["dies"] * 4, [1.0, 2.0, 3.0, "dies"], [1.0, 2.0, 3.0, 4.0])
     cleared = []
     monkeypatch.setattr(probing, "clear_damaged", lambda: cleared.append(1) or [DRIVER])
@@ -86,7 +84,7 @@ def test_a_process_that_died_of_a_damaged_cache_does_not_count(
     assert len(cleared) == 1
 
 
-def test_whatever_dies_ends(rounds: Callable[..., list[list[str]]]) -> None:
+def test_whatever_dies_ends(rounds: Rounds) -> None:
     rounds(["dies"] * 4)
     assert probed().failures.keys() == set(NAMES)
     assert probed().best is None
@@ -106,14 +104,14 @@ DOUBLE = [100.0, 550.0, 2000.0, 1900.0]
         [DOUBLE, [50.0, 550.0, 1000.0, 1900.0], TRUE, TRUE, TRUE],
     ],
 )
-def test_an_outlier_is_outvoted(rounds: Callable[..., list[list[str]]], speeds: list[list[float]]) -> None:
+def test_an_outlier_is_outvoted(rounds: Rounds, speeds: list[list[float]]) -> None:
     rounds(*speeds)
     info = probed()
     assert info.speeds == dict(zip(NAMES, TRUE, strict=True))
     assert info.best == KERNEL_VARIANTS[3]
 
 
-def test_two_processes_that_agree_are_enough(rounds: Callable[..., list[list[str]]]) -> None:
+def test_two_processes_that_agree_are_enough(rounds: Rounds) -> None:
     asked = rounds(TRUE, [speed * 1.1 for speed in TRUE])
     assert probed().speed == pytest.approx(1900 * 1.05)
     assert len(asked) == 2
@@ -129,7 +127,7 @@ def test_consensus_takes_two_and_a_majority() -> None:
     assert consensus([{"a": 1.0, "b": 3.0}, {"a": 1.0}]) is None  # b was found once
 
 
-def test_failures_in_doubt_do_not_last(rounds: Callable[..., list[list[str]]], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failures_in_doubt_do_not_last(rounds: Rounds, monkeypatch: pytest.MonkeyPatch) -> None:
     rounds([1.0, 2.0, 3.0, "dies"])
     assert probing.probe(DRIVER).lasting
     monkeypatch.setattr(probing, "doubtful", lambda: "memory is limited")
@@ -235,9 +233,7 @@ def test_a_speed_in_use_is_that_of_the_record(runtime: Runtime) -> None:
     assert 0.4 < speed / recorded < 2.5
 
 
-def test_where_failures_are_in_doubt_one_is_enough(
-    rounds: Callable[..., list[list[str]]], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_where_failures_are_in_doubt_one_is_enough(rounds: Rounds, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(probing, "doubtful", lambda: "memory is limited")
     asked = rounds(["dies"] * 4)
     assert probed().failures.keys() == set(NAMES)

@@ -69,15 +69,8 @@ def test_a_variant_that_no_kernel_has_is_refused(runtime: Runtime) -> None:
 
 
 def test_a_variant_that_the_device_cannot_run_is_refused(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
-    broken = drivers.DeviceInfo(
-        driver="none.icd",
-        platform=0,
-        device=0,
-        label="Broken",
-        kind="cpu",
-        units=1,
-        speeds={"1 lane, buffer": 1.0, "16 lanes, buffer": "it crashes"},
-    )
+    speeds: dict[str, float | str] = {"1 lane, buffer": 1.0, "16 lanes, buffer": "it crashes"}
+    broken = drivers.DeviceInfo("none.icd", 0, 0, "Broken", "cpu", 1, speeds)
     monkeypatch.setattr(drivers, "choose", lambda name: broken)
     with pytest.raises(DeviceError, match="Broken cannot run 16 lanes, buffer: it crashes"):
         Runtime.open(lanes=16)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,8 @@ from ssgi_cl.core.errors import DeviceMemoryError
 from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import plane_bytes
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.device.transient import ALIGNMENT, TransientMemory, TransientPlane
+from ssgi_cl.device.transient import TransientMemory, TransientPlane
+from ssgi_cl.device.transient_chunks import ALIGNMENT
 from ssgi_cl.frame.render import render
 from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.rasterize.scenes import make_scene
@@ -127,7 +129,7 @@ def test_memory_that_is_free_gives_way(memory: TransientMemory, monkeypatch: pyt
     assert memory.size == 0
 
 
-MODES = {
+MODES: dict[str, dict[str, Any]] = {
     "ao": {},
     "ao at half size": {"ao": "hbao", "layers": 2, "overscan": 0.1, "gbuffer": True},
     "ssdo": {"indirect": "ssdo", "layers": 2, "auxiliary_cameras": 2},
@@ -167,21 +169,8 @@ def test_no_bit_depends_on_what_memory_held_before(spoilt: Runtime, scene: str, 
         spoilt._prepared.clear()
         spoilt.transient._sharing = sharing
         spoilt.transient._spoiling = sharing
-        found.append(
-            [
-                render(
-                    built.scene,
-                    camera,
-                    lights,
-                    bounces=0,
-                    shadow_size=64,
-                    exposure=1.0,
-                    runtime=spoilt,
-                    **MODES[mode],  # type: ignore[arg-type]
-                )
-                for camera in cameras
-            ]
-        )
+        given = {"bounces": 0, "shadow_size": 64, "exposure": 1.0, "runtime": spoilt, **MODES[mode]}
+        found.append([render(built.scene, camera, lights, **given) for camera in cameras])
     for alone, shared in zip(*found, strict=True):
         np.testing.assert_array_equal(alone.radiance, shared.radiance)
         for name in ("ao", "indirect"):
@@ -193,7 +182,7 @@ def test_no_bit_depends_on_what_memory_held_before(spoilt: Runtime, scene: str, 
             np.testing.assert_array_equal(alone.gbuffer.normal, shared.gbuffer.normal)
 
 
-LIMITS = {
+LIMITS: dict[str, tuple[dict[str, Any], float]] = {
     "direct light and AO": ({}, 200.0),
     "ssdo": ({"indirect": "ssdo", "layers": 2, "auxiliary_cameras": 4}, 450.0),
 }
@@ -215,14 +204,7 @@ def test_a_frame_of_1920_x_1080_keeps_no_more_than(runtime: Runtime, scene: str,
     device_scene(built.scene, runtime)
     before = runtime.memory.used
     for _ in range(2):
-        render(
-            built.scene,
-            built.camera(1920, 1080),
-            lights,
-            bounces=0,
-            runtime=runtime,
-            **arguments,  # type: ignore[arg-type]
-        )
+        render(built.scene, built.camera(1920, 1080), lights, bounces=0, runtime=runtime, **arguments)
     kept = (runtime.memory.used - before) / MEBI
     runtime._prepared.clear()
     assert 0.0 < kept <= limit
@@ -232,18 +214,10 @@ def test_a_second_frame_takes_no_memory_though_everything_is_drawn_anew(runtime:
     built = make_scene("cornell_box")
     lights = (*built.lights, gi.Environment((0.2, 0.3, 0.4)))
 
+    options = {"indirect": "ssdo", "layers": 2, "auxiliary_cameras": 2, "shadow_size": 64, "skips": False}
+
     def frame() -> None:
-        render(
-            built.scene,
-            built.camera(160, 120),
-            lights,
-            indirect="ssdo",
-            layers=2,
-            auxiliary_cameras=2,
-            shadow_size=64,
-            skips=False,
-            runtime=runtime,
-        )
+        render(built.scene, built.camera(160, 120), lights, runtime=runtime, **options)
 
     frame()
     frame()  # the first had other memory to choose from

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,11 +10,11 @@ import pytest
 
 from ssgi_cl.bench.skip_scenes import lone_object
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.lights import Environment
+from ssgi_cl.core.lights import Environment, Light
 from ssgi_cl.device.active_region import PreviousRegion, Region, copy_region
 from ssgi_cl.device.arrays import Plane
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.frame.render import render
+from ssgi_cl.frame.render import Frame, render
 from ssgi_cl.rasterize.raster.rasterizer import Rasterizer
 from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.rasterize.scenes import BuiltinScene
@@ -31,7 +32,7 @@ def looking(built: BuiltinScene, aside: float, up: float = 0.0, size: tuple[int,
 
 
 VIEWS = ((0.0, 0.0), (0.7, 0.2), (-0.7, -0.1), (-0.7, -0.1), (5.0, 0.0), (0.2, 0.3))
-"""Where the object is seen, frame by frame; once not at all."""
+"""Places of the object in the picture, frame by frame; once out of it."""
 
 
 # ---- windows
@@ -104,6 +105,15 @@ def test_one_pixel_stands_for_all_beyond_a_window(rng: np.random.Generator) -> N
 # ---- what is drawn
 
 
+def cut_and_whole(
+    built: BuiltinScene, view: tuple[float, float], lights: Sequence[Light], **options: Any
+) -> list[Frame]:
+    """Return a frame that leaves out what is outside of windows, and one that computes all pixels."""
+    camera = looking(built, *view)
+    given = {"bounces": 0, "shadow_size": 64, **options}
+    return [render(built.scene, camera, lights, skips=skips, **given) for skips in (("region",), ())]
+
+
 def assert_same_contents(a: Plane, b: Plane) -> None:
     np.testing.assert_array_equal(a.download(), b.download())
 
@@ -149,20 +159,11 @@ def test_every_frame_of_a_moving_camera_has_bit_identical_results(
     variant_runtime: Runtime, options: dict[str, Any]
 ) -> None:
     built = lone_object()
-    given: dict[str, Any] = {
-        "ao_radius": 0.2,
-        "shadow_size": 64,
-        "gbuffer": True,
-        "runtime": variant_runtime,
-        **options,
-    }
+    given: dict[str, Any] = {"ao_radius": 0.2, "gbuffer": True, "runtime": variant_runtime, **options}
     lights = [*built.lights, Environment((0.1, 0.2, 0.3))]
     for number, view in enumerate(VIEWS):
         used = lights if number != 3 else lights[:1]
-        cut, whole = (
-            render(built.scene, looking(built, *view), used, bounces=0, skips=skips, **given)
-            for skips in (("region",), ())
-        )
+        cut, whole = cut_and_whole(built, view, used, **given)
         assert cut.gbuffer is not None
         assert whole.gbuffer is not None
         assert "region" in [p.name for p in cut.passes]
@@ -182,19 +183,7 @@ def test_a_sky_that_is_an_image_is_drawn_everywhere(runtime: Runtime, rng: Any) 
     sky = Environment(rng.uniform(0.0, 1.0, (8, 16, 3)))
     for view in VIEWS:
         for lights in ([*built.lights[:1], sky], built.lights):
-            cut, whole = (
-                render(
-                    built.scene,
-                    looking(built, *view),
-                    lights,
-                    bounces=0,
-                    ao=False,
-                    skips=skips,
-                    shadow_size=64,
-                    runtime=runtime,
-                )
-                for skips in (("region",), ())
-            )
+            cut, whole = cut_and_whole(built, view, lights, ao=False, runtime=runtime)
             np.testing.assert_array_equal(cut.radiance, whole.radiance)
             np.testing.assert_array_equal(cut.image, whole.image)
 

@@ -17,7 +17,6 @@ import tempfile
 import time
 import zlib
 from collections import Counter
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -25,82 +24,18 @@ from reading import Reader
 from seeds import Files, glb, seeds
 
 _NUMBERS = (
-    0,
-    1,
-    -1,
-    2,
-    3,
-    4,
-    7,
-    127,
-    128,
-    255,
-    256,
-    32767,
-    65535,
-    65536,
-    2**24,
-    2**31 - 1,
-    2**31,
-    2**32 - 1,
-    2**32,
-    2**63,
-    10**30,
-    -(2**31),
-    0.5,
-    -0.5,
-    1e-40,
-    1e10,
-    1e30,
-    1e39,
-    1e300,
-    float("nan"),
-    float("inf"),
-    -float("inf"),
-)
+    0, 1, -1, 2, 3, 4, 7, 127, 128, 255, 256, 32767, 65535, 65536, 2**24, 2**31 - 1, 2**31, 2**32 - 1, 2**32, 2**63,
+    10**30, -(2**31), 0.5, -0.5, 1e-40, 1e10, 1e30, 1e39, 1e300, float("nan"), float("inf"), -float("inf"),
+)  # fmt: skip
 _STRINGS = (
-    "",
-    "x",
-    "a" * 5000,
-    "../a.bin",
-    "../../../etc/passwd",
-    "/etc/passwd",
-    "file:///etc/x",
-    "data:,x",
-    "data:;base64,!!!!",
-    "\0",
-    "%2e%2e/a",
-    "C:\\a",
-    "VEC3",
-    "SCALAR",
-    "MAT4",
-    "MASK",
-    "\ud800",
-    "é",
-    "a.glb",
-    "a.gltf",
-    ".",
-    "color.png",
-)
+    "", "x", "a" * 5000, "../a.bin", "../../../etc/passwd", "/etc/passwd", "file:///etc/x", "data:,x",
+    "data:;base64,!!!!", "\0", "%2e%2e/a", "C:\\a", "VEC3", "SCALAR", "MAT4", "MASK", "\ud800", "é", "a.glb", "a.gltf",
+    ".", "color.png",
+)  # fmt: skip
 _TOKENS = (
-    *(str(number) for number in _NUMBERS),
-    *_STRINGS[:12],
-    "1/2/3/4",
-    "1//",
-    "//",
-    "/1",
-    "0/0/0",
-    "-1/-1/-1",
-    "1e",
-    "0x10",
-    "1_0",
-    "list",
-    "uchar",
-    "double",
-    "ascii",
-    "#",
-    "\\",
-)
+    *map(str, _NUMBERS), *_STRINGS[:12], "1/2/3/4", "1//", "//", "/1", "0/0/0", "-1/-1/-1", "1e", "0x10", "1_0", "list",
+    "uchar", "double", "ascii", "#", "\\",
+)  # fmt: skip
 
 
 class Fuzzer:
@@ -121,20 +56,19 @@ class Fuzzer:
         return files
 
     def _changed(self, name: str, data: bytes) -> bytes:
-        changes: list[Callable[[bytes], bytes]] = [self._bytes]
-        kind = name.rsplit(".", 1)[-1]
-        if kind in ("glb", "gltf"):
-            changes = [self._json, self._json, self._json, self._json, self._bytes, self._image]
-        elif kind in ("obj", "mtl"):
-            changes = [self._text, self._text, self._text, self._bytes]
-        elif kind == "ply":
-            changes = [self._text, self._bytes]
-        elif kind == "png":
-            changes = [self._png, self._png, self._bytes]
-        elif kind == "exr":
-            changes = [self._header, self._header, self._bytes]
+        gltf = [*[self._json] * 4, self._bytes, self._image]
+        text = [*[self._text] * 3, self._bytes]
+        changes = {
+            "glb": gltf,
+            "gltf": gltf,
+            "obj": text,
+            "mtl": text,
+            "ply": [self._text, self._bytes],
+            "png": [self._png, self._png, self._bytes],
+            "exr": [self._header, self._header, self._bytes],
+        }
         try:
-            return self.random.choice(changes)(data)
+            return self.random.choice(changes.get(name.rsplit(".", 1)[-1], [self._bytes]))(data)
         except (ValueError, IndexError, KeyError, TypeError, struct.error, RecursionError):
             return self._bytes(data)  # an earlier change left nothing to know the format by
 

@@ -61,12 +61,10 @@ def document(image: bytes | None = None) -> tuple[dict[str, Any], bytes]:
         for i, (c, t, n) in enumerate(kinds)
     ]
     accessors[2]["normalized"] = accessors[4]["normalized"] = True
-    primitive = {
-        "attributes": {"POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2, "COLOR_0": 4},
-        "indices": 3,
-        "material": 0,
-        "mode": 4,
-    }
+    attributes = {"POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2, "COLOR_0": 4}
+    primitive = {"attributes": attributes, "indices": 3, "material": 0, "mode": 4}
+    transform = {"KHR_texture_transform": {"scale": [2, 2], "rotation": 0.5, "offset": [0, 1]}}
+    texture = {"index": 0, "texCoord": 0, "extensions": transform}
     made: dict[str, Any] = {
         "asset": {"version": "2.0"},
         "scene": 0,
@@ -84,14 +82,7 @@ def document(image: bytes | None = None) -> tuple[dict[str, Any], bytes]:
                 "alphaCutoff": 0.25,
                 "emissiveFactor": [1, 1, 0],
                 "emissiveTexture": {"index": 0},
-                "pbrMetallicRoughness": {
-                    "baseColorFactor": [1, 0.5, 0.25, 1],
-                    "baseColorTexture": {
-                        "index": 0,
-                        "texCoord": 0,
-                        "extensions": {"KHR_texture_transform": {"scale": [2, 2], "rotation": 0.5, "offset": [0, 1]}},
-                    },
-                },
+                "pbrMetallicRoughness": {"baseColorFactor": [1, 0.5, 0.25, 1], "baseColorTexture": texture},
                 "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 3}},
             }
         ],
@@ -114,21 +105,9 @@ def with_views(made: dict[str, Any], binary: bytes) -> tuple[dict[str, Any], byt
         {"type": "perspective", "name": "b", "perspective": {"yfov": 1, "znear": 0.1, "zfar": 9, "aspectRatio": 1.5}},
         {"type": "orthographic", "orthographic": {"xmag": 1, "ymag": 2, "znear": 0, "zfar": 9}},
     ]
-    made["extensions"] = {
-        lights: {
-            "lights": [
-                {
-                    "type": "spot",
-                    "name": "c",
-                    "color": [1, 0.5, 0],
-                    "intensity": 9,
-                    "range": 5,
-                    "spot": {"innerConeAngle": 0.1, "outerConeAngle": 0.4},
-                },
-                {"type": "directional", "intensity": 3},
-            ]
-        }
-    }
+    cone = {"innerConeAngle": 0.1, "outerConeAngle": 0.4}
+    spot = {"type": "spot", "name": "c", "color": [1, 0.5, 0], "intensity": 9, "range": 5, "spot": cone}
+    made["extensions"] = {lights: {"lights": [spot, {"type": "directional", "intensity": 3}]}}
     made["extensionsUsed"].append(lights)
     return made, binary
 
@@ -215,11 +194,8 @@ def draco() -> Files:
         {"componentType": 5126, "type": "VEC3", "count": len(sphere.vertices)},
         {"componentType": 5125, "type": "SCALAR", "count": sphere.faces.size},
     ]
-    primitive = {
-        "attributes": {"POSITION": 0},
-        "indices": 1,
-        "extensions": {name: {"bufferView": 0, "attributes": {"POSITION": 0}}},
-    }
+    extensions = {name: {"bufferView": 0, "attributes": {"POSITION": 0}}}
+    primitive = {"attributes": {"POSITION": 0}, "indices": 1, "extensions": extensions}
     parts = {
         "asset": {"version": "2.0"},
         "scenes": [{"nodes": [0]}],

@@ -23,11 +23,12 @@ CAMERAS = [gi.Camera.look_at((x, 1.0, 3.4), (0, 1, 0), width=40, height=30) for 
 MOVED = gi.SpotLight((0.3, 1.9, 0.2), (0.0, -1.0, 0.1), 0.9, (8.0, 6.0, 4.0))
 LIGHTS = (BOX.lights, (MOVED, gi.Environment((0.2, 0.3, 0.4))))
 
+SMALL: dict[str, Any] = {"bounces": 0, "shadow_size": 32, "rsm_size": 32}
 BOUNCES = (None, "multires", "vpl", "gather", "ssdo")
 
 
 class Stop(BaseException):
-    """What Ctrl-C raises, as far as this file is concerned."""
+    """Stand-in for the exception of Ctrl-C."""
 
 
 @pytest.fixture
@@ -36,28 +37,22 @@ def stopper(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[int], None]]:
     left = [-1]
 
     def around(run: Callable[..., Any]) -> Callable[..., Any]:
+        def count() -> None:
+            left[0] -= 1
+            if left[0] == -1:
+                raise Stop
+
         def stopping(*args: Any, **kwargs: Any) -> Any:
-            if left[0] == 0:
-                left[0] = -1
-                raise Stop
-            left[0] -= 1
+            count()
             result = run(*args, **kwargs)
-            if left[0] == 0:
-                left[0] = -1
-                raise Stop
-            left[0] -= 1
+            count()
             return result
 
         return stopping
 
-    for of, name in (
-        (Kernel, "run"),
-        (Plane, "upload"),
-        (DeviceArray, "upload"),
-        (Plane, "copy_image"),
-        (DeviceArray, "send"),
-    ):
-        monkeypatch.setattr(of, name, around(getattr(of, name)))
+    for of, names in ((Kernel, ["run"]), (Plane, ["upload", "copy_image"]), (DeviceArray, ["upload", "send"])):
+        for name in names:
+            monkeypatch.setattr(of, name, around(getattr(of, name)))
 
     def stop(step: int) -> None:
         left[0] = step
@@ -67,21 +62,12 @@ def stopper(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[int], None]]:
 
 
 def renderer(runtime: Runtime, bounce: str | None, skips: bool) -> Renderer:
-    layers = 2 if bounce == "ssdo" else 1
+    cameras = {"layers": 2, "auxiliary_cameras": 2} if bounce == "ssdo" else {}
     return Renderer(
         runtime,
         CAMERAS[0].size,
         FrameParams(
-            bounces=0,
-            ao=GtaoParams(radius=0.3),
-            ao_radius=0.5,
-            indirect=bounce,
-            vpls=64,
-            layers=layers,
-            auxiliary_cameras=2 if bounce == "ssdo" else 0,
-            shadow_size=32,
-            rsm_size=32,
-            skips=skips,
+            ao=GtaoParams(radius=0.3), ao_radius=0.5, indirect=bounce, vpls=64, skips=skips, **SMALL, **cameras
         ),
     )
 
@@ -163,16 +149,8 @@ def test_five_hundred_real_interrupts(runtime: Runtime) -> None:
     ]
 
     def shot(mode: int, camera: int, lights: int) -> Any:
-        return gi.render(
-            BOX.scene,
-            CAMERAS[camera],
-            LIGHTS[lights],
-            bounces=0,
-            shadow_size=32,
-            rsm_size=32,
-            runtime=runtime,
-            **modes[mode],
-        ).radiance
+        given = {**SMALL, **modes[mode]}
+        return gi.render(BOX.scene, CAMERAS[camera], LIGHTS[lights], runtime=runtime, **given).radiance
 
     def raise_interrupt(*_: object) -> None:
         raise KeyboardInterrupt

@@ -15,7 +15,7 @@ import ssgi_cl as gi
 from ssgi_cl.core.errors import DeviceMemoryError
 from ssgi_cl.device.opencl import opencl
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.device.transient import ALIGNMENT
+from ssgi_cl.device.transient_chunks import ALIGNMENT
 from ssgi_cl.frame.params import FrameParams
 from ssgi_cl.frame.render import Renderer, render
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES

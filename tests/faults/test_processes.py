@@ -31,7 +31,7 @@ from .computing import added, digest
 
 SCRIPT = Path(__file__).with_name("computing.py")
 NOWHERE = "/proc/nowhere"
-"""Where nobody can make a file, whoever runs the tests."""
+"""A folder in which nobody can make a file, whoever runs the tests."""
 
 
 def process(*arguments: str, folder: Path, **variables: str) -> subprocess.Popen[str]:

@@ -26,6 +26,17 @@ BOX = BUILTIN_SCENES["cornell_box"]()
 CAMERAS = [gi.Camera.look_at((0.1 * i - 0.4, 1, 3.4), (0, 1, 0), width=64, height=48) for i in range(8)]
 
 
+def drawn(runtime: Runtime, camera: gi.Camera = CAMERAS[0], made: Any = BOX, **options: Any) -> gi.Frame:
+    """Return a frame with small shadow maps."""
+    given = {"bounces": 0, "shadow_size": 32, **options}
+    return gi.render(made.scene, camera, given.pop("lights", made.lights), runtime=runtime, **given)
+
+
+def renderer(runtime: Runtime, shadow_size: int) -> Renderer:
+    """Return a renderer of direct light alone."""
+    return Renderer(runtime, CAMERAS[0].size, FrameParams(bounces=0, ao=False, shadow_size=shadow_size))
+
+
 @pytest.mark.parametrize("calls", [400, pytest.param(10_000, marks=pytest.mark.slow)])
 def test_eight_threads_get_what_one_gets(runtime: Runtime, calls: int) -> None:
     gbuffers = [gi.rasterize.gbuffer(BOX.scene, camera, runtime=runtime) for camera in CAMERAS]
@@ -40,25 +51,10 @@ def test_eight_threads_get_what_one_gets(runtime: Runtime, calls: int) -> None:
 
 
 def test_threads_render_what_one_renders_and_each_sees_its_own_passes(runtime: Runtime) -> None:
-    modes: list[dict[str, Any]] = [
-        {"indirect": "multires", "vpls": 64},
-        {"ao": "ssao"},
-        {"indirect": "ssdo"},
-        {"indirect": "gather"},
-    ]
+    modes = [{"indirect": "multires", "vpls": 64}, {"ao": "ssao"}, {"indirect": "ssdo"}, {"indirect": "gather"}]
 
     def frame(number: int) -> gi.Frame:
-        return gi.render(
-            BOX.scene,
-            CAMERAS[number % 2],
-            BOX.lights,
-            bounces=0,
-            shadow_size=32,
-            rsm_size=32,
-            skips=False,
-            runtime=runtime,
-            **modes[number % 4],
-        )
+        return drawn(runtime, CAMERAS[number % 2], rsm_size=32, skips=False, **modes[number % 4])
 
     expected = [frame(number) for number in range(4)]
     with ThreadPoolExecutor(4) as pool:
@@ -70,8 +66,8 @@ def test_threads_render_what_one_renders_and_each_sees_its_own_passes(runtime: R
 
 def test_threads_with_renderers_of_their_own(runtime: Runtime) -> None:
     def pictures(number: int) -> list[Any]:
-        renderer = Renderer(runtime, CAMERAS[0].size, FrameParams(bounces=0, ao=False, shadow_size=32))
-        return [renderer(BOX.scene, camera, BOX.lights).image for camera in CAMERAS[number:][:3]]
+        draw = renderer(runtime, 32)
+        return [draw(BOX.scene, camera, BOX.lights).image for camera in CAMERAS[number:][:3]]
 
     expected = [pictures(number) for number in range(4)]
     with ThreadPoolExecutor(4) as pool:
@@ -122,31 +118,22 @@ def test_a_process_forked_before_any_device_was_opened_may_open_one() -> None:
 def test_a_new_radius_a_frame_keeps_memory_within_its_bound(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(runtime.memory, "keep", 24 << 20)
     for number in range(40):
-        gi.render(
-            BOX.scene,
-            CAMERAS[0],
-            BOX.lights,
-            ao_radius=0.2 + 0.001 * number,
-            indirect="multires",
-            vpls=64,
-            shadow_size=64,
-            rsm_size=64,
-            runtime=runtime,
-        )
+        options = {"ao_radius": 0.2 + 0.001 * number, "indirect": "multires", "vpls": 64}
+        gi.render(BOX.scene, CAMERAS[0], BOX.lights, shadow_size=64, rsm_size=64, runtime=runtime, **options)
         assert runtime.memory.kept <= 24 << 20
 
 
 def test_a_scene_goes_with_its_last_reference(runtime: Runtime) -> None:
     gc.collect()
-    gi.render(BOX.scene, CAMERAS[0], BOX.lights, bounces=0, shadow_size=32, runtime=runtime)
+    drawn(runtime)
     # What passes share stays, and may grow in the first frames.
     before = runtime.memory.used - runtime.transient.held
     for _ in range(3):
-        scene = BUILTIN_SCENES["cornell_box"]().scene
-        gone = weakref.ref(scene)
+        made = BUILTIN_SCENES["cornell_box"]()
+        gone = weakref.ref(made.scene)
         for outputs in ("ao",), ("image",):
-            gi.render(scene, CAMERAS[0], BOX.lights, bounces=0, outputs=outputs, shadow_size=32, runtime=runtime)
-        del scene
+            drawn(runtime, made=made, outputs=outputs)
+        del made
         assert gone() is None
         assert runtime.memory.used - runtime.transient.held == before
 
@@ -165,24 +152,24 @@ def test_more_shadow_maps_than_there_is_room_for_are_refused_before_any_work(
 ) -> None:
     let_all_go(runtime)
     lights = point_lights(60)
-    renderer = Renderer(runtime, CAMERAS[0].size, FrameParams(bounces=0, ao=False, shadow_size=256))
-    first = renderer(BOX.scene, CAMERAS[0], lights[:1]).radiance
+    draw = renderer(runtime, 256)
+    first = draw(BOX.scene, CAMERAS[0], lights[:1]).radiance
     monkeypatch.setattr(runtime.memory, "limit", runtime.memory.used + (40 << 20))
     used = runtime.memory.used
     with pytest.raises(DeviceMemoryError, match=r"for 360 shadow maps .* of 256 x 256 texels"):
-        renderer(BOX.scene, CAMERAS[0], lights)
+        draw(BOX.scene, CAMERAS[0], lights)
     assert runtime.memory.used <= used
-    np.testing.assert_array_equal(renderer(BOX.scene, CAMERAS[0], lights[:1]).radiance, first)
+    np.testing.assert_array_equal(draw(BOX.scene, CAMERAS[0], lights[:1]).radiance, first)
 
 
 def test_maps_of_lights_that_are_gone_are_let_go(runtime: Runtime) -> None:
     lights = point_lights(8)
-    renderer = Renderer(runtime, CAMERAS[0].size, FrameParams(bounces=0, ao=False, shadow_size=64))
-    renderer(BOX.scene, CAMERAS[0], lights[:1])
+    draw = renderer(runtime, 64)
+    draw(BOX.scene, CAMERAS[0], lights[:1])
     before = runtime.memory.used
-    renderer(BOX.scene, CAMERAS[0], lights)
+    draw(BOX.scene, CAMERAS[0], lights)
     assert runtime.memory.used > before + 7 * 6 * 64 * 64 * 4
-    renderer(BOX.scene, CAMERAS[0], lights[:1])
+    draw(BOX.scene, CAMERAS[0], lights[:1])
     gc.collect()
     assert runtime.memory.used == before
 
@@ -192,7 +179,7 @@ def test_old_techniques_give_way_to_what_a_frame_needs(runtime: Runtime, monkeyp
     lights = point_lights(3)
 
     def draw() -> None:
-        gi.render(BOX.scene, CAMERAS[0], lights, bounces=0, shadow_size=256, ao=False, runtime=runtime)
+        drawn(runtime, lights=lights, shadow_size=256, ao=False)
 
     base = runtime.memory.used
     draw()
@@ -236,14 +223,8 @@ def test_thirty_modes_of_five_scenes_never_fail_for_memory(runtime: Runtime, mon
     modes: list[dict[str, Any]] = [
         {**light, **extra}
         for light in (
-            {},
-            {"ao": "ssao"},
-            {"ao": "hbao"},
-            {"ao": "bitmask_ao"},
-            {"indirect": "multires"},
-            {"indirect": "vpl"},
-            {"indirect": "gather"},
-            {"indirect": "ssdo"},
+            *({"ao": method} for method in ("gtao", "ssao", "hbao", "bitmask_ao")),
+            *({"indirect": method} for method in ("multires", "vpl", "gather", "ssdo")),
             {"indirect": "ssdo", "method": "points"},
             {"indirect": "multires", "ao": "ssao"},
         )
@@ -251,17 +232,7 @@ def test_thirty_modes_of_five_scenes_never_fail_for_memory(runtime: Runtime, mon
     ]
 
     def draw(made: Any, mode: dict[str, Any]) -> gi.Frame:
-        return gi.render(
-            made.scene,
-            made.camera(160, 120),
-            made.lights,
-            bounces=0,
-            shadow_size=256,
-            rsm_size=128,
-            vpls=256,
-            runtime=runtime,
-            **mode,
-        )
+        return drawn(runtime, made.camera(160, 120), made, shadow_size=256, rsm_size=128, vpls=256, **mode)
 
     base, largest = runtime.memory.used, 0
     for made in scenes:  # what the greatest mode takes by itself

@@ -217,19 +217,10 @@ def test_files_of_no_known_kind_or_that_are_missing(tmp_path: Path) -> None:
 
 
 def rendered(tmp_path: Path, *options: str) -> NDArray[np.float32]:
-    arguments = [
-        "render",
-        "cornell_box",
-        "-o",
-        str(tmp_path / "out.exr"),
-        "--width",
-        "40",
-        "--height",
-        "30",
-        "--json",
-        *options,
-    ]
-    done = CliRunner().invoke(main, arguments)
+    size = ["--width", "40", "--height", "30"]
+    done = CliRunner().invoke(
+        main, ["render", "cornell_box", "-o", str(tmp_path / "out.exr"), *size, "--json", *options]
+    )
     assert done.exit_code == 0, done.output
     json.loads(done.stdout)
     channels = exr.read(tmp_path / "out.exr")

@@ -1,5 +1,6 @@
 """OpenEXR files."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -197,24 +198,24 @@ def test_a_file_with_several_parts_is_refused(tmp_path: Path) -> None:
         exr.read(tmp_path / "a.exr")
 
 
+def put_window(path: Path, name: str, window: Sequence[int]) -> None:
+    """Change a window in the header of a file."""
+    content, head = bytearray(path.read_bytes()), f"{name}\0box2i\0".encode()
+    place = content.index(head) + len(head) + 4
+    content[place : place + 16] = np.array(window, np.int32).tobytes()
+    path.write_bytes(content)
+
+
 def regional(path: Path, left: int, top: int, right: int, bottom: int) -> None:
     """Write 4 x 6 pixels whose display window exceeds the data window by the given pixels."""
     exr.write(path, {"depth": np.arange(24).reshape(4, 6) + 1})
-    content = bytearray(path.read_bytes())
-    place = content.index(b"displayWindow\0box2i\0") + len("displayWindow\0box2i\0") + 4
-    window = np.array([-left, -top, 5 + right, 3 + bottom], np.int32)
-    content[place : place + 16] = window.tobytes()
-    path.write_bytes(content)
+    put_window(path, "displayWindow", (-left, -top, 5 + right, 3 + bottom))
 
 
 def claiming(path: Path, *window: int) -> None:
     """Write 4 x 6 pixels of two channels whose data window is said to be another."""
-    plane = np.arange(24).reshape(4, 6)
-    exr.write(path, {"depth": plane, "ao": plane})
-    content = bytearray(path.read_bytes())
-    place = content.index(b"dataWindow\0box2i\0") + len("dataWindow\0box2i\0") + 4
-    content[place : place + 16] = np.array(window, np.int32).tobytes()
-    path.write_bytes(content)
+    exr.write(path, dict.fromkeys(("depth", "ao"), np.arange(24).reshape(4, 6)))
+    put_window(path, "dataWindow", window)
 
 
 @pytest.mark.parametrize("window", [(0, 3, 5, 0), (5, 0, 0, 3), (5, 3, 0, 0)])

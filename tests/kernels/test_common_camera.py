@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.device.structs import CAMERA, Struct, camera_values
+from ssgi_cl.device.structs import CAMERA, camera_values
 
 from .expression import run_expressions
 
@@ -21,10 +21,15 @@ CAMERAS = {
     "orthographic": Camera.orthographic((0, 0, 0), (0, 0, -1), view_height=3.0, width=W, height=H),
 }
 MARGINS = [(0, 0), (6, 9)]
+PLANE = "ssgi_tangent_plane(camera, x, y, depth, nx, ny, nz)"
 
 
-def camera_value(camera: Camera, margin: tuple[int, int]) -> dict[str, tuple[Struct, Any]]:
-    return {"camera": (CAMERA, CAMERA.pack(camera_values(camera, margin)))}
+def evaluate(
+    runtime: Runtime, camera: Camera, margin: tuple[int, int], expressions: dict[str, str], **lanes: NDArray[Any]
+) -> dict[str, NDArray[Any]]:
+    """Return what expressions with the camera give, element by element."""
+    values = {"camera": (CAMERA, CAMERA.pack(camera_values(camera, margin)))}
+    return run_expressions(runtime, "common/surface.clh", expressions, values=values, **lanes)
 
 
 def positions(
@@ -44,16 +49,16 @@ def test_slopes_are_those_of_the_camera_and_their_inverse_leads_back(
 ) -> None:
     camera = CAMERAS[name]
     x, y = positions(rng, camera, margin)
-    result = run_expressions(
+    result = evaluate(
         variant_runtime,
-        "common/camera.clh",
+        camera,
+        margin,
         {
             "slope x": "ssgi_slope_x(camera, x)",
             "slope y": "ssgi_slope_y(camera, y)",
             "column": "ssgi_column(camera, ssgi_slope_x(camera, x))",
             "row": "ssgi_row(camera, ssgi_slope_y(camera, y))",
         },
-        values=camera_value(camera, margin),
         x=x,
         y=y,
     )
@@ -68,13 +73,7 @@ def test_slopes_are_those_of_the_camera_and_their_inverse_leads_back(
 @pytest.mark.parametrize("name", CAMERAS)
 def test_k_is_the_depth_or_1_to_the_bit(variant_runtime: Runtime, name: str, rng: np.random.Generator) -> None:
     depth = np.exp2(rng.uniform(-30, 30, 500)).astype(np.float32)
-    result = run_expressions(
-        variant_runtime,
-        "common/camera.clh",
-        {"k": "ssgi_k(camera, depth)"},
-        values=camera_value(CAMERAS[name], (0, 0)),
-        depth=depth,
-    )
+    result = evaluate(variant_runtime, CAMERAS[name], (0, 0), {"k": "ssgi_k(camera, depth)"}, depth=depth)
     expected = np.ones_like(depth) if CAMERAS[name].is_orthographic else depth
     np.testing.assert_array_equal(result["k"], expected)
 
@@ -115,27 +114,18 @@ def test_every_plane_is_flat(
     # Not edge-on, where the tangent plane is cut off, and not so steep that it passes the eye.
     good = (facing > 0.05) & (there > 0.5 * wide) & (there < 2 * wide)
     assert good.sum() > 300
-    n = normal.astype(np.float32)
-    result = run_expressions(
+    arrays = {"x": x, "y": y, "depth": depth, "dx": dx, "dy": dy, "there": there.astype(np.float32)}
+    arrays |= dict(zip(("nx", "ny", "nz"), normal.astype(np.float32).T, strict=True))
+    result = evaluate(
         variant_runtime,
-        "common/surface.clh",
+        camera,
+        margin,
         {
-            "off": "ssgi_off_plane(ssgi_tangent_plane(camera, x, y, depth, nx, ny, nz), dx, dy, "
-            "ssgi_linear(camera, there))",
-            "behind": "ssgi_off_plane(ssgi_tangent_plane(camera, x, y, depth, nx, ny, nz), dx, dy, "
-            "ssgi_linear(camera, there * 1.01f))",
+            "off": f"ssgi_off_plane({PLANE}, dx, dy, ssgi_linear(camera, there))",
+            "behind": f"ssgi_off_plane({PLANE}, dx, dy, ssgi_linear(camera, there * 1.01f))",
             "back": "ssgi_linear(camera, ssgi_linear(camera, depth))",
         },
-        values=camera_value(camera, margin),
-        x=x[good],
-        y=y[good],
-        depth=depth[good],
-        dx=dx[good],
-        dy=dy[good],
-        nx=n[good, 0],
-        ny=n[good, 1],
-        nz=n[good, 2],
-        there=there[good].astype(np.float32),
+        **{name: array[good] for name, array in arrays.items()},
     )
     # Roundings of 6e-8: of the depths (relative to u at most 2 each), of a normal at an angle with
     # cosine 0.05 (20 times as much), times the plane's rise, which is at most 1 here.
@@ -148,21 +138,9 @@ def test_every_plane_is_flat(
 
 def test_a_normal_that_faces_away_gives_a_finite_plane(variant_runtime: Runtime) -> None:
     camera = CAMERAS["perspective"]
-    n = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0], [0, 0, 0], [-1, 0, 0]], np.float32)
+    n = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0], [0, 0, 0], [-1, 0, 0]], np.float32).T
     x = np.full(5, 320.0, np.float32)
-    result = run_expressions(
-        variant_runtime,
-        "common/surface.clh",
-        {
-            "off": "ssgi_off_plane(ssgi_tangent_plane(camera, x, y, depth, nx, ny, nz), "
-            "v_splat(1.0f), v_splat(1.0f), 1.0f / depth)"
-        },
-        values=camera_value(camera, (0, 0)),
-        x=x,
-        y=x,
-        depth=np.ones(5, np.float32),
-        nx=n[:, 0],
-        ny=n[:, 1],
-        nz=n[:, 2],
-    )
+    off = f"ssgi_off_plane({PLANE}, v_splat(1.0f), v_splat(1.0f), 1.0f / depth)"
+    arrays = {"x": x, "y": x, "depth": np.ones(5, np.float32), "nx": n[0], "ny": n[1], "nz": n[2]}
+    result = evaluate(variant_runtime, camera, (0, 0), {"off": off}, **arrays)
     assert np.isfinite(result["off"]).all()

@@ -47,7 +47,7 @@ def fused(a: NDArray[np.float32], b: NDArray[np.float32], c: NDArray[np.float32]
 
 
 def divides_exactly(runtime: Runtime) -> bool:
-    """Whether the device promises correctly rounded division and square root."""
+    """Return whether the device promises correctly rounded division and square root."""
     return runtime.info.kind == "cpu"
 
 
@@ -143,6 +143,11 @@ def operands(rng: np.random.Generator) -> dict[str, NDArray[np.float32]]:
     return {name: v.astype(np.float32) for name, v in (("x", x), ("y", y), ("z", near))}
 
 
+def assert_masks(result: dict[str, NDArray[Any]], expected: dict[str, NDArray[np.bool_]]) -> None:
+    for name, values in expected.items():
+        np.testing.assert_array_equal(result[name], np.where(values, TRUE, FALSE), err_msg=name)
+
+
 def test_arithmetic_rounds_as_ieee_754_says(every_width: Runtime, rng: np.random.Generator) -> None:
     given = operands(rng)
     x, y, z = given["x"], given["y"], given["z"]
@@ -188,24 +193,21 @@ def test_comparisons_of_floats_give_0_or_all_bits(every_width: Runtime) -> None:
     x, y = pairs(np.array([*SOME, np.inf, -np.inf, np.nan], np.float32))
     result = results(every_width, FLOATS_TO_INTS, x, y)
     expected = {"lt": x < y, "le": x <= y, "gt": x > y, "ge": x >= y, "eq": x == y, "ne": x != y}
-    for name, values in expected.items():
-        np.testing.assert_array_equal(result[name], np.where(values, TRUE, FALSE), err_msg=name)
+    assert_masks(result, expected)
 
 
 def test_comparisons_of_integers_give_0_or_all_bits(every_width: Runtime) -> None:
     i, j = pairs(SOME_INTS)
     result = results(every_width, INTS, i, j)
     expected = {"ilt": i < j, "ile": i <= j, "igt": i > j, "ige": i >= j, "ieq": i == j, "ine": i != j}
-    for name, values in expected.items():
-        np.testing.assert_array_equal(result[name], np.where(values, TRUE, FALSE), err_msg=name)
+    assert_masks(result, expected)
 
 
 def test_bit_operators_are_the_logic_of_masks(every_width: Runtime) -> None:
     x, y = pairs(np.array([-1, 1], np.float32))
     result = results(every_width, FLOATS_TO_INTS, x, y)
     p, q = x < 0, y < 0
-    for name, values in {"not": ~p, "and": p & q, "or": p | q, "xor": p ^ q}.items():
-        np.testing.assert_array_equal(result[name], np.where(values, TRUE, FALSE), err_msg=name)
+    assert_masks(result, {"not": ~p, "and": p & q, "or": p | q, "xor": p ^ q})
 
 
 def test_select_takes_the_second_value_where_the_mask_is_set(every_width: Runtime) -> None:
@@ -262,9 +264,8 @@ def test_smallest_largest_and_clamped_floats(every_width: Runtime) -> None:
 def test_smallest_largest_and_clamped_integers(every_width: Runtime) -> None:
     i, j = pairs(SOME_INTS)
     result = results(every_width, INTS, i, j)
-    np.testing.assert_array_equal(result["imin"], np.minimum(i, j))
-    np.testing.assert_array_equal(result["imax"], np.maximum(i, j))
-    np.testing.assert_array_equal(result["iclamp"], np.clip(i, -3, 6))
+    for name, values in {"imin": np.minimum(i, j), "imax": np.maximum(i, j), "iclamp": np.clip(i, -3, 6)}.items():
+        np.testing.assert_array_equal(result[name], values, err_msg=name)
 
 
 def test_floats_and_integers_convert(every_width: Runtime) -> None:
@@ -336,18 +337,16 @@ def spread(rng: np.random.Generator, low: float, high: float) -> NDArray[np.floa
 # The bounds below are those that lanes.clh states.
 
 
-def test_exp2_is_as_accurate_as_it_says(every_width: Runtime, rng: np.random.Generator) -> None:
-    x = spread(rng, -126, 126)
-    result = results(every_width, FUNCTIONS, x)["exp2"]
-    assert relative_error(result, np.exp2(x.astype(np.float64))) < 2.5e-7
-    whole = x == np.floor(x)
-    np.testing.assert_array_equal(result[whole], np.exp2(x[whole]))
-
-
-def test_exp_is_as_accurate_as_it_says(every_width: Runtime, rng: np.random.Generator) -> None:
-    x = spread(rng, -87, 87)
-    result = results(every_width, FUNCTIONS, x)["exp"]
-    assert relative_error(result, np.exp(x.astype(np.float64))) < 2.5e-7
+@pytest.mark.parametrize(("function", "end"), [("exp2", 126), ("exp", 87)])
+def test_powers_are_as_accurate_as_they_say(
+    every_width: Runtime, rng: np.random.Generator, function: str, end: int
+) -> None:
+    x = spread(rng, -end, end)
+    result, truth = results(every_width, FUNCTIONS, x)[function], getattr(np, function)(x.astype(np.float64))
+    assert relative_error(result, truth) < 2.5e-7
+    if function == "exp2":
+        whole = x == np.floor(x)
+        np.testing.assert_array_equal(result[whole], truth[whole])
 
 
 def test_weights_are_as_accurate_as_they_say(every_width: Runtime, rng: np.random.Generator) -> None:
@@ -412,9 +411,7 @@ def test_bits_are_shifted_and_counted(every_width: Runtime) -> None:
 
 def test_within_is_from_0_to_below_the_count(every_width: Runtime) -> None:
     result = results(every_width, INTS, SOME_INTS)
-    for count in WITHIN:
-        inside = (SOME_INTS >= 0) & (count > SOME_INTS)
-        np.testing.assert_array_equal(result[f"within {count}"], np.where(inside, TRUE, FALSE), err_msg=str(count))
+    assert_masks(result, {f"within {count}": (SOME_INTS >= 0) & (count > SOME_INTS) for count in WITHIN})
 
 
 def test_arguments_beyond_the_range_are_clamped(every_width: Runtime) -> None:

@@ -120,7 +120,7 @@ def test_the_choice_is_that_of_the_seed_and_none_comes_twice() -> None:
         ("kernels/raster/edges.clh", "tests/rasterize/test_rasterize.py"),
         ("ssgi_cl/core/camera.py", "tests/core/test_camera.py"),
         ("ssgi_cl/techniques/direct/light_data.py", "tests/techniques/direct/test_shade.py"),
-        ("rasterize/files/gltf_nodes.py", "tests/rasterize/test_load.py"),
+        ("rasterize/files/gltf_nodes.py", "tests/rasterize/test_load_gltf.py"),
         ("bench/front.py", "tests/bench/test_front.py"),
     ],
 )

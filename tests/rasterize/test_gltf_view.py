@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import math
 import pickle
@@ -17,29 +18,24 @@ from ssgi_cl.cli.command import main
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.scene_camera import SceneCamera
+from ssgi_cl.io import exr
 from ssgi_cl.truth.digests import scene_digest
+
+from .loading import Gltf
 
 LIGHTS = "KHR_lights_punctual"
 EXACT = {"rtol": 1e-12, "atol": 1e-12}  # float64 roundings
 TURN_Y = [0.0, math.sin(math.pi / 4), 0.0, math.cos(math.pi / 4)]  # +z to +x
 
-POINTS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
-
 
 def document(**more: Any) -> dict[str, Any]:
-    import base64
-
-    data = base64.b64encode(POINTS.tobytes()).decode()
-    made: dict[str, Any] = {
-        "asset": {"version": "2.0"},
-        "nodes": [{"mesh": 0}],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
-        "accessors": [{"type": "VEC3", "componentType": 5126, "count": 3, "bufferView": 0}],
-        "bufferViews": [{"buffer": 0, "byteLength": 36}],
-        "buffers": [{"byteLength": 36, "uri": f"data:;base64,{data}"}],
-    }
-    made["nodes"] += more.pop("nodes", [])
-    return made | more
+    """Return a document of one triangle, with more nodes behind its own."""
+    made = Gltf()
+    made.triangle()
+    del made.json["scene"], made.json["scenes"]
+    made.json["nodes"] += more.pop("nodes", [])
+    data = base64.b64encode(made.binary).decode()
+    return made.json | {"buffers": [{"byteLength": 36, "uri": f"data:;base64,{data}"}], **more}
 
 
 def saved(folder: Path, made: dict[str, Any]) -> Path:
@@ -303,8 +299,6 @@ def render(folder: Path, scene: Path, *options: str) -> Result:
 
 
 def picture(folder: Path, scene: Path, *options: str) -> np.ndarray:
-    from ssgi_cl.io import exr
-
     done = render(folder, scene, *options)
     assert done.exit_code == 0, done.output
     return exr.read(folder / "out.exr")["R"]

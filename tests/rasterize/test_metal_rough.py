@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -44,27 +45,16 @@ def test_numbers_beyond_their_range_count_as_the_nearest_within() -> None:
 
 def test_frames_without_lobes_take_metals_for_matt(runtime: Runtime) -> None:
     built = gi.rasterize.scenes.make_scene("cornell_box")
-    metal = {"albedo": (0.0,) * 3, "specular": (0.5,) * 3, "gloss": 30.0}
-    matt = {"albedo": (0.5,) * 3}
-    frames = []
-    for change in (metal, matt):
-        materials = tuple(
-            m if m.emits else replace(m, **change)  # type: ignore[arg-type]
-            for m in built.scene.materials
-        )
+    metal: dict[str, Any] = {"albedo": (0.0,) * 3, "specular": (0.5,) * 3, "gloss": 30.0}
+    matt: dict[str, Any] = {"albedo": (0.5,) * 3}
+    kept: dict[str, Any] = {"outputs": ("radiance",), "rsm_size": 32, "runtime": runtime}
+
+    def radiance(change: dict[str, Any], **options: Any) -> np.ndarray:
+        materials = tuple(m if m.emits else replace(m, **change) for m in built.scene.materials)
         scene = replace(built.scene, materials=materials)
-        for options in ({"bounces": 0}, {"indirect": "multires", "vpls": 64}):
-            frames.append(
-                gi.render(
-                    scene,
-                    built.camera(32, 24),
-                    built.lights,
-                    outputs=("radiance",),
-                    rsm_size=32,
-                    runtime=runtime,
-                    **options,  # type: ignore[arg-type]
-                ).radiance
-            )
-    for one, other in zip(frames[:2], frames[2:], strict=True):
+        return gi.render(scene, built.camera(32, 24), built.lights, **kept, **options).radiance
+
+    for options in ({"bounces": 0}, {"indirect": "multires", "vpls": 64}):
+        one, other = (radiance(change, **options) for change in (metal, matt))
         np.testing.assert_array_equal(one, other)
         assert one.mean() > 0.0

@@ -1,6 +1,7 @@
 """The OpenGL backend against planes and triangles whose image is known exactly."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,47 +12,22 @@ from ssgi_cl.core.camera import Camera, perspective_matrix
 from ssgi_cl.core.errors import MissingExtraError
 from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.rasterize.raster import opengl
-from ssgi_cl.rasterize.raster.opengl_context import context
+
+from . import meshes
 
 Doubles = NDArray[np.float64]
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _needs_opengl() -> None:
-    try:
-        with context():
-            pass
-    except MissingExtraError as error:
-        pytest.skip(str(error))
+pytestmark = pytest.mark.usefixtures("opengl_runs")
 
 
-def scene_of(
-    corners: ArrayLike,
-    *,
-    materials: tuple[Material, ...] = (Material(),),
-    material_ids: ArrayLike | None = None,
-    normals: ArrayLike | None = None,
-    uvs: ArrayLike | None = None,
-    colors: ArrayLike | None = None,
-    textures: tuple[NDArray[np.uint8], ...] = (),
-    origin: ArrayLike = (0.0, 0.0, 0.0),
-) -> Scene:
-    """Make a scene of separate triangles [triangles, 3, 3], relative to `origin`."""
+def scene_of(corners: ArrayLike, *, normals: ArrayLike | None = None, **rest: Any) -> Scene:
+    """Make a scene of separate triangles [triangles, 3, 3], with their own normals by default."""
     corners = np.asarray(corners, np.float64)
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     flat /= np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-300)
-    count = 3 * len(corners)
-    return Scene(
-        origin=np.asarray(origin, np.float64),
-        positions=corners.reshape(-1, 3).astype(np.float32),
-        normals=np.asarray(np.repeat(flat, 3, axis=0) if normals is None else normals, np.float32),
-        uvs=np.asarray(np.zeros((count, 2)) if uvs is None else uvs, np.float32),
-        colors=np.asarray(np.ones((count, 3)) if colors is None else colors, np.float32),
-        triangles=np.arange(count, dtype=np.int32).reshape(-1, 3),
-        material_ids=np.asarray(np.zeros(len(corners)) if material_ids is None else material_ids).astype(np.int32),
-        materials=materials,
-        textures=textures,
-    )
+    given = np.repeat(flat, 3, axis=0) if normals is None else normals
+    return meshes.scene_of(corners.reshape(-1, 3), normals=given, **rest)
 
 
 def square(depth: float, half: float = 100.0) -> Doubles:
@@ -251,13 +227,8 @@ def test_albedo_is_material_times_colour_times_linear_texture() -> None:
     texture = np.full((4, 4, 4), 255, np.uint8)
     texture[:2, :, :3] = 188  # the upper half
     texture[2:, :, :3] = (255, 64, 0)
-    scene = scene_of(
-        square(4.0, 1.0),
-        uvs=UVS,
-        colors=np.tile([0.5, 1.0, 1.0], (6, 1)),
-        materials=(Material(albedo=(0.8, 0.6, 1.0), texture=0),),
-        textures=(texture,),
-    )
+    materials = (Material(albedo=(0.8, 0.6, 1.0), texture=0),)
+    scene = scene_of(square(4.0, 1.0), uvs=UVS, colors=[0.5, 1.0, 1.0], materials=materials, textures=(texture,))
     camera = Camera.orthographic((0, 0, 0), (0, 0, -1), view_height=2, width=64, height=64)
     albedo = opengl.gbuffer_arrays(scene, camera, 1)["albedo"][0]
     linear = ((np.array([188, 64]) / 255 + 0.055) / 1.055) ** 2.4
@@ -283,20 +254,11 @@ def test_holes_are_cut_where_alpha_is_below_the_cutoff() -> None:
     texture[:, 0, 3] = 100  # the left half
     corners = np.concatenate([square(4.0, 1.0), square(6.0)])
     camera = Camera.orthographic((0, 0, 0), (0, 0, -1), view_height=2, width=32, height=32)
-    for alpha, cutoff, left, right in (
-        (1.0, 0.5, 6.0, 4.0),
-        (1.0, 0.0, 4.0, 4.0),
-        (0.4, 0.5, 6.0, 6.0),
-        (1.0, 0.3, 4.0, 4.0),
-    ):
-        hole = Material(texture=0, alpha=alpha, alpha_cutoff=cutoff)
-        scene = scene_of(
-            corners,
-            uvs=np.concatenate([UVS, UVS]),
-            materials=(hole, Material()),
-            material_ids=[0, 0, 1, 1],
-            textures=(texture,),
-        )
+    cases = (1.0, 0.5, 6.0, 4.0), (1.0, 0.0, 4.0, 4.0), (0.4, 0.5, 6.0, 6.0), (1.0, 0.3, 4.0, 4.0)
+    for alpha, cutoff, left, right in cases:
+        materials = (Material(texture=0, alpha=alpha, alpha_cutoff=cutoff), Material())
+        of_both = {"uvs": np.concatenate([UVS, UVS]), "material_ids": [0, 0, 1, 1]}
+        scene = scene_of(corners, **of_both, materials=materials, textures=(texture,))
         depth = opengl.gbuffer_arrays(scene, camera, 1)["depth"][0]
         np.testing.assert_allclose(depth[:, 6:10], left, rtol=2e-7)
         np.testing.assert_allclose(depth[:, 22:26], right, rtol=2e-7)
@@ -338,15 +300,8 @@ def test_a_renderer_of_the_caller_lives_on(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_edge_on_and_degenerate_triangles_give_no_nan() -> None:
-    corners = np.array(
-        [
-            [(0, 0, -2), (0, 0, -2), (0, 0, -2)],
-            [(0, -1, -2), (0, 1, -2), (0, 0, -9)],  # through the eye
-            [(-1, 0, -3), (1, 0, -3), (0, 1e-7, -3)],
-        ],
-        np.float64,
-    )
-    scene = scene_of(corners, normals=np.zeros((9, 3)))
+    point, through_the_eye = [(0, 0, -2)] * 3, [(0, -1, -2), (0, 1, -2), (0, 0, -9)]
+    scene = scene_of([point, through_the_eye, [(-1, 0, -3), (1, 0, -3), (0, 1e-7, -3)]], normals=(0, 0, 0))
     for camera in CAMERAS.values():
         for array in opengl.gbuffer_arrays(scene, camera, 2).values():
             assert not np.isnan(array).any()

@@ -12,12 +12,10 @@ import pytest
 
 from ssgi_cl.bench.peers import pyrender
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.errors import MissingExtraError
 from ssgi_cl.core.lights import SpotLight
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import Rasterizer, Scene, load_scene
 from ssgi_cl.rasterize.raster.device_scene import DeviceScene
-from ssgi_cl.rasterize.raster.opengl_context import context
 from ssgi_cl.rasterize.raster.shadow_map import RsmRenderer, light_cameras
 
 pytestmark = pytest.mark.slow
@@ -27,14 +25,9 @@ FRAMES = 15
 
 
 @pytest.fixture(scope="module")
-def sponza() -> Scene:
+def sponza(opengl_runs: None) -> Scene:
     if not SPONZA.exists():
         pytest.skip("the Sponza model is not there: ../shared/scenes/sponza/sponza.glb")
-    try:
-        with context():
-            pass
-    except MissingExtraError as error:
-        pytest.skip(str(error))
     return load_scene(SPONZA)
 
 

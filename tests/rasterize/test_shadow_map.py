@@ -15,26 +15,23 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import Material, Scene, rsm
 from ssgi_cl.rasterize.raster.device_scene import DeviceScene
 from ssgi_cl.rasterize.raster.shadow_map import RsmRenderer, every_nth, light_cameras
-from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
+from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, BuiltinScene
+
+from . import meshes
 
 Doubles = NDArray[np.float64]
 WHITE = (1.0, 1.0, 1.0)
+DOWNWARDS = SpotLight((0, 3, 0), (0, -1, 0), 0.5, 9.0), PointLight((0, 3, 0), 9.0), DirectionalLight((0, -1, 0), 9.0)
 
 
 def scene_of(corners: ArrayLike, quads: ArrayLike, normals: ArrayLike, albedo: tuple[float, float, float]) -> Scene:
     """Make a scene of quadrangles [count, 4] with a normal each."""
-    corners, quads = np.asarray(corners, np.float32), np.asarray(quads, np.int32)
-    count = 4 * len(quads)
-    first = 4 * np.arange(len(quads))[:, None]
-    return Scene(
-        positions=corners[quads.ravel()],
-        normals=np.repeat(np.asarray(normals, np.float32), 4, axis=0),
-        uvs=np.zeros((count, 2), np.float32),
-        colors=np.ones((count, 3), np.float32),
-        triangles=(first + np.array([0, 1, 2, 0, 2, 3])).reshape(-1, 3),
-        material_ids=np.zeros(2 * len(quads), np.int32),
-        materials=(Material(albedo=albedo),),
-    )
+    quads = np.asarray(quads)
+    triangles = 4 * np.arange(len(quads))[:, None] + np.array([0, 1, 2, 0, 2, 3])
+    of_corners = np.repeat(normals, 4, axis=0)
+    material = Material(albedo=albedo)
+    points = np.asarray(corners)[quads.ravel()]
+    return meshes.scene_of(points, triangles.reshape(-1, 3), normals=of_corners, materials=(material,))
 
 
 def ground(half: float = 50.0, albedo: tuple[float, float, float] = WHITE) -> Scene:
@@ -49,6 +46,13 @@ def room(albedo: tuple[float, float, float] = WHITE) -> Scene:
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     normals = [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)]
     return scene_of(corners, quads, normals, albedo)
+
+
+def cornell_box() -> tuple[BuiltinScene, SpotLight]:
+    made = BUILTIN_SCENES["cornell_box"]()
+    (light,) = made.lights
+    assert isinstance(light, SpotLight)
+    return made, light
 
 
 def total(result: ReflectiveShadowMap) -> Doubles:
@@ -120,11 +124,7 @@ def test_a_directional_light_reflects_irradiance_times_the_area_it_sees(
 
 
 def test_black_surfaces_reflect_nothing(runtime: Runtime) -> None:
-    for light in (
-        SpotLight((0, 3, 0), (0, -1, 0), 0.5, 9.0),
-        PointLight((0, 3, 0), 9.0),
-        DirectionalLight((0, -1, 0), 9.0),
-    ):
+    for light in DOWNWARDS:
         result = rsm(ground(5.0, (0.0, 0.0, 0.0)), light, size=32, runtime=runtime)
         assert np.isfinite(np.asarray(result.depth)).any()
         assert not np.asarray(result.flux).any()
@@ -218,20 +218,10 @@ def test_faces_are_stacked_in_the_order_of_the_axes(runtime: Runtime) -> None:
 
 @pytest.mark.parametrize("scale", [1e-4, 1e4])
 def test_flux_does_not_depend_on_the_unit_of_length(runtime: Runtime, scale: float) -> None:
-    scene = BUILTIN_SCENES["cornell_box"]()
-    (light,) = scene.lights
-    assert isinstance(light, SpotLight)
+    scene, light = cornell_box()
     moved = SpotLight(np.multiply(light.position, scale), light.direction, light.cone_angle, light.intensity)
-    small = Scene(
-        positions=scene.scene.positions * np.float32(scale),
-        origin=scene.scene.origin * scale,
-        normals=scene.scene.normals,
-        uvs=scene.scene.uvs,
-        colors=scene.scene.colors,
-        triangles=scene.scene.triangles,
-        material_ids=scene.scene.material_ids,
-        materials=scene.scene.materials,
-    )
+    plain = scene.scene
+    small = replace(plain, positions=plain.positions * np.float32(scale), origin=plain.origin * scale)
     one = rsm(scene.scene, light, size=128, runtime=runtime)
     other = rsm(small, moved, size=128, runtime=runtime)
     # A few texels on silhouettes change hands.
@@ -242,11 +232,7 @@ def test_flux_does_not_depend_on_the_unit_of_length(runtime: Runtime, scale: flo
 
 
 def test_a_map_of_one_texel(runtime: Runtime) -> None:
-    for light in (
-        SpotLight((0, 3, 0), (0, -1, 0), 0.5, 9.0),
-        PointLight((0, 3, 0), 9.0),
-        DirectionalLight((0, -1, 0), 9.0),
-    ):
+    for light in DOWNWARDS:
         result = rsm(ground(), light, size=1, runtime=runtime)
         assert np.asarray(result.depth).shape == (6 if isinstance(light, PointLight) else 1, 1)
         assert (np.asarray(result.flux) > 0).any()
@@ -268,9 +254,7 @@ def test_every_build_of_the_kernels_gives_the_same(other_variant: Runtime) -> No
 
 
 def test_a_steady_map_allocates_and_builds_nothing(runtime: Runtime) -> None:
-    scene = BUILTIN_SCENES["cornell_box"]()
-    (light,) = scene.lights
-    assert isinstance(light, SpotLight)
+    scene, light = cornell_box()
     kept = DeviceScene(runtime, scene.scene)
     renderer = RsmRenderer(runtime, 64)
     (camera,) = light_cameras(light, scene.scene.bounds, 64)
@@ -284,9 +268,7 @@ def test_a_steady_map_allocates_and_builds_nothing(runtime: Runtime) -> None:
 
 
 def test_depth_for_shadows_is_a_few_roundings_off(runtime: Runtime) -> None:
-    scene = BUILTIN_SCENES["cornell_box"]()
-    (light,) = scene.lights
-    assert isinstance(light, SpotLight)
+    scene, light = cornell_box()
     kept = DeviceScene(runtime, scene.scene)
     (camera,) = light_cameras(light, scene.scene.bounds, 64)
     renderer = RsmRenderer(runtime, 64)
@@ -303,9 +285,7 @@ def test_depth_for_shadows_is_a_few_roundings_off(runtime: Runtime) -> None:
 
 @pytest.mark.parametrize("step", [2, 3])
 def test_every_nth_texel_is_that_of_the_whole_map(variant_runtime: Runtime, step: int) -> None:
-    made = BUILTIN_SCENES["cornell_box"]()
-    (light,) = made.lights
-    assert isinstance(light, SpotLight)
+    made, light = cornell_box()
     kept = DeviceScene(variant_runtime, made.scene)
     (camera,) = light_cameras(light, made.scene.bounds, 37)
     few, all_ = (RsmRenderer(variant_runtime, 37, step=n) for n in (step, 1))

@@ -1,4 +1,4 @@
-"""The camera and the lights that a scene gets which brings none."""
+"""Default camera and lights of scenes without their own."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.raster.default_camera import camera_from_json, default_camera, default_lights
 from ssgi_cl.rasterize.raster.view import gbuffer
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
+
+from .meshes import scene_of
 
 FOV = 0.9  # radians
 WIDE = (80, 60)  # width, height
@@ -51,30 +53,13 @@ def box(
         for corner in ((0, 1, 2), (0, 2, 3)):
             triangle = [first + index for index in corner]
             triangles.append(triangle[::-1] if inward else triangle)
-    count = len(positions)
-    return Scene(
-        origin=np.zeros(3) if centre is None else centre,
-        positions=np.array(positions, np.float32),
-        normals=np.array(normals, np.float32),
-        uvs=np.zeros((count, 2), np.float32),
-        colors=np.ones((count, 3), np.float32),
-        triangles=np.array(triangles, np.int32),
-        material_ids=np.zeros(len(triangles), np.int32),
-    )
+    return scene_of(positions, triangles, normals=normals, origin=np.zeros(3) if centre is None else centre)
 
 
 def one_triangle(points: ArrayLike) -> Scene:
     corners = np.asarray(points, np.float64)
     normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
-    normal /= np.linalg.norm(normal)
-    return Scene(
-        positions=corners.astype(np.float32),
-        normals=np.tile(normal, (3, 1)).astype(np.float32),
-        uvs=np.zeros((3, 2), np.float32),
-        colors=np.ones((3, 3), np.float32),
-        triangles=np.array([[0, 1, 2]], np.int32),
-        material_ids=np.zeros(1, np.int32),
-    )
+    return scene_of(corners, normals=normal / np.linalg.norm(normal))
 
 
 def view_of(scene: Scene, runtime: Runtime, size: tuple[int, int] = WIDE) -> Camera:
@@ -85,6 +70,13 @@ def seen_depth(scene: Scene, camera: Camera, runtime: Runtime) -> NDArray[np.flo
     depth = gbuffer(scene, camera, runtime=runtime).first("depth")
     assert depth is not None
     return depth
+
+
+def point_light(scene: Scene, camera: Camera, runtime: Runtime) -> PointLight:
+    """Return the first default light, which must be a point light."""
+    light = default_lights(scene, camera, runtime)[0]
+    assert isinstance(light, PointLight)
+    return light
 
 
 def is_inside(camera: Camera, scene: Scene) -> bool:
@@ -188,27 +180,23 @@ def test_an_object_gets_a_sun_from_behind_the_viewer_and_a_sky(runtime: Runtime)
 def test_a_closed_room_gets_a_light_inside(runtime: Runtime) -> None:
     scene = box(inward=True)
     camera = view_of(scene, runtime)
-    punctual_light = default_lights(scene, camera, runtime)[0]
-    assert isinstance(punctual_light, PointLight)
+    light = point_light(scene, camera, runtime)
     low, high = scene.bounds
-    assert (np.asarray(punctual_light.position) > low).all()
-    assert (np.asarray(punctual_light.position) < high).all()
+    assert (np.asarray(light.position) > low).all()
+    assert (np.asarray(light.position) < high).all()
 
 
 def test_a_room_seen_through_a_gap_gets_a_light_inside(runtime: Runtime) -> None:
     scene = box(without="+z", inward=True)
-    punctual_light = default_lights(scene, view_of(scene, runtime), runtime)[0]
-    assert isinstance(punctual_light, PointLight)
-    assert (np.abs(np.asarray(punctual_light.position)) < 0.5 * np.array([2.0, 1.0, 1.5])).all()
+    light = point_light(scene, view_of(scene, runtime), runtime)
+    assert (np.abs(np.asarray(light.position)) < 0.5 * np.array([2.0, 1.0, 1.5])).all()
 
 
 def test_a_light_is_brighter_in_a_larger_room(runtime: Runtime) -> None:
     powers = []
     for scale in (1.0, 10.0):
         scene = box(inward=True, size=(2.0 * scale, scale, 1.5 * scale))
-        punctual_light = default_lights(scene, view_of(scene, runtime), runtime)[0]
-        assert isinstance(punctual_light, PointLight)
-        powers.append(np.asarray(punctual_light.intensity))
+        powers.append(np.asarray(point_light(scene, view_of(scene, runtime), runtime).intensity))
     # Irradiance falls with the square of the distance; distances are float32.
     np.testing.assert_allclose(powers[1], 100.0 * powers[0], rtol=1e-4)
 

@@ -1,4 +1,4 @@
-"""Whatever is allowed gives finite results within their range, on every technique and form."""
+"""Results of every technique and form: finite and within their range for all allowed inputs."""
 
 from __future__ import annotations
 
@@ -30,6 +30,7 @@ from ssgi_cl.techniques.vpl.vpl_splat import vpl_splat
 from .inputs import gbuffers, hdr, lights, maps, radii, seeds
 
 Draw = Callable[[st.SearchStrategy[Any]], Any]
+FEW_SAMPLES: dict[str, Any] = {"slices": 1, "taps": 4, "samples": 4, "shadow_taps": 4}
 ROUNDINGS = 1e-5
 """By which a weighted mean of at most 33 x 33 values may pass them."""
 
@@ -75,11 +76,8 @@ def directional(method: str) -> Any:
             draw(radii),
             runtime=runtime,
             method=method,
-            slices=1,
-            taps=4,
-            samples=4,
-            shadow_taps=4,
             bounce=draw(st.booleans()),
+            **FEW_SAMPLES,
         )
         for irradiance in both:
             within(irradiance)
@@ -112,17 +110,9 @@ def shading(draw: Draw, runtime: Runtime) -> None:
     rng = np.random.default_rng(draw(seeds))
     ao = rng.random(gbuffer.size) if draw(st.booleans()) else None
     indirect = hdr(rng, (*gbuffer.size, 3)) if draw(st.booleans()) else None
-    within(
-        shade(
-            gbuffer,
-            punctual_lights,
-            shadow_maps=rsms,
-            ao=ao,
-            indirect=indirect,
-            multi_bounce=draw(st.booleans()),
-            runtime=runtime,
-        )
-    )
+    bounces = draw(st.booleans())
+    options = {"shadow_maps": rsms, "ao": ao, "indirect": indirect, "multi_bounce": bounces}
+    within(shade(gbuffer, punctual_lights, runtime=runtime, **options))
 
 
 def blurring(draw: Draw, runtime: Runtime) -> None:
@@ -197,7 +187,7 @@ CHECKS: dict[str, Callable[[Draw, Runtime], None]] = {
 }
 
 QUICK = ("view normals", "upsample", "tonemap", "multiple bounces")
-"""Whose kernels take a second or two to compile; the others are for the slow tests."""
+"""Checks whose kernels take a second or two to compile; the others are for the slow tests."""
 
 
 def examples(count: int) -> Any:

@@ -1,4 +1,4 @@
-"""What arrays G-buffers take: any real dtype and any strides, converted by rule or refused."""
+"""Arrays of G-buffers: any real dtype and any strides, converted by rule or refused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What must not change, or may change one way alone: scale, sides, constants, occluders, energy."""
+"""Invariants of results: scale, sides, constants, occluders, energy."""
 
 from __future__ import annotations
 

@@ -43,26 +43,11 @@ def test_no_kernel_races_or_strays(variant: KernelVariant, tmp_path: Path) -> No
     # It takes the halves of a vector for uninitialised where they are compared, even of memory that
     # was cleared, and all that is copied to an image; 1 lane on buffers reads the same.
     initialised = ["--uninitialized"] if variant == KernelVariant(1, "buffer") else []
-    command = [
-        oclgrind,
-        "--data-races",
-        *initialised,
-        "--max-errors",
-        "100000",
-        "--build-options",
-        OPTIONS,
-        "--log",
-        str(log),
-        sys.executable,
-        "-m",
-        "ssgi_cl.bench.every",
-        str(variant.lanes),
-        variant.storage,
-    ]
+    options = ["--data-races", *initialised, "--max-errors", "100000", "--build-options", OPTIONS, "--log", str(log)]
+    script = [sys.executable, "-m", "ssgi_cl.bench.every", str(variant.lanes), variant.storage]
     # A program that was compiled before would not be with these options.
-    done = subprocess.run(
-        command, env={**os.environ, "PYOPENCL_NO_CACHE": "1"}, capture_output=True, text=True, check=False
-    )
+    variables = {**os.environ, "PYOPENCL_NO_CACHE": "1"}
+    done = subprocess.run([oclgrind, *options, *script], env=variables, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     text = log.read_text() if log.exists() else ""
     assert findings(text) <= KNOWN, text[:4000]

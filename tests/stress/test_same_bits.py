@@ -32,7 +32,7 @@ ALIKE = (
     "rsm gathering",
     "multiresolution splatting",
 )
-"""What others run nearly all functions of, or takes seconds to compile a second time."""
+"""Techniques nearly all of whose functions others run, or that take seconds to compile again."""
 
 WRITE = """
 import sys

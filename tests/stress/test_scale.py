@@ -28,19 +28,13 @@ REFUSED = r"rsm shows surfaces .* from its light's camera: .* expects 1e.* to 1e
 def seen(scale: float, runtime: Runtime) -> tuple[Any, Any]:
     """Return the G-buffer and the sun's map of the same picture at another scale."""
     box = make_scene("cornell_box")
-    scene = dataclasses.replace(
-        box.scene,
-        origin=box.scene.origin * scale,
-        positions=(box.scene.positions.astype(np.float64) * scale).astype(np.float32),
-    )
-    camera = Camera.look_at(
-        np.multiply(box.eye, scale), np.multiply(box.target, scale), box.up, yfov=box.yfov, width=48, height=36
-    )
+    positions = (box.scene.positions.astype(np.float64) * scale).astype(np.float32)
+    scene = dataclasses.replace(box.scene, origin=box.scene.origin * scale, positions=positions)
+    eye, target = np.multiply(box.eye, scale), np.multiply(box.target, scale)
+    camera = Camera.look_at(eye, target, box.up, yfov=box.yfov, width=48, height=36)
     sun = DirectionalLight((0.1, -0.3, 1.0), 5.0)
-    return (
-        gi.rasterize.gbuffer(scene, camera, runtime=runtime),
-        gi.rasterize.rsm(scene, sun, size=32, runtime=runtime),
-    )
+    rsm = gi.rasterize.rsm(scene, sun, size=32, runtime=runtime)
+    return gi.rasterize.gbuffer(scene, camera, runtime=runtime), rsm
 
 
 @pytest.mark.parametrize("name", BOUNCES)
@@ -69,7 +63,7 @@ def test_emission_gives_finite_light(emission: float, runtime: Runtime) -> None:
     box = make_scene("cornell_box")
     glowing = tuple(dataclasses.replace(m, emission=(emission,) * 3) for m in box.scene.materials)
     scene = dataclasses.replace(box.scene, materials=glowing)
-    camera = Camera.look_at(box.eye, box.target, box.up, yfov=box.yfov, width=48, height=36)
+    camera = box.camera(48, 36)
     lights = (*box.lights, PointLight(box.target, 1e30))
     frame = gi.render(scene, camera, lights, indirect=True, shadow_size=64, runtime=runtime)
     for values in (frame.radiance, frame.indirect, frame.image):

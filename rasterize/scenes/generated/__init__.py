@@ -26,10 +26,10 @@ KINDS: dict[str, Callable[[Chance], Draft]] = {
     "terrain": terrain,
     "chambers": chambers,
 }
-"""What makes each kind of scene, by name."""
+"""Functions that make a scene of each kind, by name."""
 
 VIEWS = 3
-"""Of each scene."""
+"""Views of each scene."""
 MOST_SEED = 999_999
 
 _NAME = re.compile(r"([a-z]+)-(0|[1-9]\d{0,5})")
@@ -55,15 +55,8 @@ def generated(name: str) -> BuiltinScene:
         )
     draft = KINDS[match[1]](Chance(match[1], int(match[2])))
     parts = draft.model.parts()
-    views = chosen(
-        Surroundings(parts),
-        draft.candidates,
-        VIEWS,
-        yfov=draft.yfov,
-        clearance=draft.clearance,
-        coverage=draft.coverage,
-    )
-    (eye, target), *more = views
+    limits = {"yfov": draft.yfov, "clearance": draft.clearance, "coverage": draft.coverage}
+    (eye, target), *more = chosen(Surroundings(parts), draft.candidates, VIEWS, **limits)
     return BuiltinScene(
         name=name,
         scene=draft.model.scene(),

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
-from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight
+from ssgi_cl.core.lights import PointLight
 
 from . import furniture, solids
 from .chance import Chance
-from .draft import Draft, Ground
+from .draft import Draft, Ground, indoor_lights, inside_views
 from .model import CLOTH, COLOURS, PLASTER, STONE, WOOD, Model
-from .views import Candidate
 
 _OUTER = 0.35
 """Thickness of outer walls, metres."""
@@ -32,37 +29,12 @@ def chambers(chance: Chance) -> Draft:
     _furnish(model, chance, ground, wide, deep)
     for _ in range(chance.whole(0, 3)):
         _drape(model, chance, ground, wide, deep, high)
-    if chance.yes(0.6):
-        sun = DirectionalLight((-0.8, -0.55, chance.uniform(-0.4, 0.4)), (14.0, 12.5, 10.0))
-        lights: tuple[Light, ...] = (sun, Environment((0.9, 0.95, 1.05)))
-    else:
-        lamp = PointLight((0.1 * wide, high - 0.4, 0.12 * deep), (24.0, 21.0, 17.0), 0.05)
-        lights = (lamp, Environment((0.35, 0.38, 0.42)))
-    return Draft(
-        model=model,
-        candidates=_candidates(chance, wide, deep, high),
-        lights=lights,
-        ao_radius=chance.pick((0.35, 0.5, 0.7)),
-        yfov=chance.uniform(0.85, 1.1),
-        clearance=0.25,
-        coverage=0.9,
-    )
-
-
-def _candidates(chance: Chance, wide: float, deep: float, high: float) -> Iterator[Candidate]:
-    """Yield views along the chambers and across them."""
-    start = chance.uniform(0.0, 2.0 * np.pi)
-    for i in range(80):
-        angle = start + 2.4 * i  # the golden angle: views differ
-        far = 0.4 if i % 3 else 0.22
-        x, z = far * wide * np.cos(angle), far * deep * np.sin(angle)
-        eye = (float(x), chance.uniform(1.1, min(2.2, high - 0.6)), float(z))
-        target = (
-            -0.4 * eye[0] + chance.uniform(-0.8, 0.8),
-            chance.uniform(0.5, 1.4),
-            -0.4 * eye[2] + chance.uniform(-0.8, 0.8),
-        )
-        yield Candidate(eye, target)
+    lamp = PointLight((0.1 * wide, high - 0.4, 0.12 * deep), (24.0, 21.0, 17.0), 0.05)
+    lights = indoor_lights(chance, 0.4, lamp)
+    heights, aims = (1.1, min(2.2, high - 0.6)), (0.5, 1.4)
+    views = inside_views(chance, wide, deep, 80, far=(0.4, 0.22), eye=heights, target=aims, spread=0.8)
+    reach, yfov = chance.pick((0.35, 0.5, 0.7)), chance.uniform(0.85, 1.1)
+    return Draft(model, views, lights, ao_radius=reach, yfov=yfov, clearance=0.25, coverage=0.9)
 
 
 def _shell(model: Model, chance: Chance, wide: float, deep: float, high: float) -> None:
@@ -144,36 +116,24 @@ def _steps(model: Model, chance: Chance, ground: Ground, wide: float, deep: floa
     if not ground.take(-x, z, length, broad):
         return
     for i in range(count):
-        model.box(
-            (-0.5 * wide, i * rise, z - 0.5 * broad),
-            (-0.5 * wide + length - i * tread, (i + 1) * rise, z + 0.5 * broad),
-            STONE,
-        )
+        end = -0.5 * wide + length - i * tread
+        model.box((-0.5 * wide, i * rise, z - 0.5 * broad), (end, (i + 1) * rise, z + 0.5 * broad), STONE)
 
 
 def _furnish(model: Model, chance: Chance, ground: Ground, wide: float, deep: float) -> None:
     """Put solid furniture, blocks and a few tables with chairs."""
     inner = (-0.47 * wide, 0.47 * wide, -0.47 * deep, 0.47 * deep)
-    kinds = ("cabinet", "chest", "sofa", "blocks", "counter", "table", "vase", "plant")
+    sizes = {
+        "cabinet": (1.2, 0.5), "chest": (1.0, 0.6), "sofa": (1.8, 0.9), "blocks": (1.1, 1.1),
+        "counter": (2.0, 0.7), "table": (2.2, 2.2), "vase": (0.6, 0.6), "plant": (0.7, 0.7),
+    }  # fmt: skip
     for _ in range(chance.whole(14, 24)):
-        kind = chance.pick(kinds)
-        size = {
-            "cabinet": (1.2, 0.5),
-            "chest": (1.0, 0.6),
-            "sofa": (1.8, 0.9),
-            "blocks": (1.1, 1.1),
-            "counter": (2.0, 0.7),
-            "table": (2.2, 2.2),
-            "vase": (0.6, 0.6),
-            "plant": (0.7, 0.7),
-        }[kind]
-        across = chance.yes(0.5)
-        place = ground.find(chance, inner, *(size if across else size[::-1]))
-        if place is None:
-            continue
-        turn = chance.pick((0.0, np.pi)) + (0.0 if across else 0.5 * np.pi)
-        with model.at((place[0], 0.0, place[1]), turn):
-            _piece(model, chance, kind, *size)
+        kind = chance.pick(tuple(sizes))
+        size, across = sizes[kind], chance.yes(0.5)
+        for x, z in ground.places(chance, inner, *(size if across else size[::-1])):
+            turn = chance.pick((0.0, np.pi)) + (0.0 if across else 0.5 * np.pi)
+            with model.at((x, 0.0, z), turn):
+                _piece(model, chance, kind, *size)
 
 
 def _piece(model: Model, chance: Chance, kind: str, w: float, d: float) -> None:
@@ -189,10 +149,8 @@ def _piece(model: Model, chance: Chance, kind: str, w: float, d: float) -> None:
         furniture.sofa(model, chance, w, d)
     elif kind == "blocks":
         for x, z in ((-0.25, -0.25), (0.3, -0.2), (-0.1, 0.3)):
-            half = 0.5 * chance.uniform(0.3, 0.6)
-            model.box(
-                (x - half, 0.0, z - half), (x + half, chance.uniform(0.3, 1.3), z + half), WOOD, chance.pick(COLOURS)
-            )
+            half, high = 0.5 * chance.uniform(0.3, 0.6), chance.uniform(0.3, 1.3)
+            model.box((x - half, 0.0, z - half), (x + half, high, z + half), WOOD, chance.pick(COLOURS))
     elif kind == "counter":
         model.box((-0.48 * w, 0.0, -0.4 * d), (0.48 * w, 0.86, 0.4 * d), WOOD, tint)
         model.box((-0.5 * w, 0.86, -0.5 * d), (0.5 * w, 0.92, 0.5 * d), STONE)
@@ -212,11 +170,9 @@ def _piece(model: Model, chance: Chance, kind: str, w: float, d: float) -> None:
 def _drape(model: Model, chance: Chance, ground: Ground, wide: float, deep: float, high: float) -> None:
     """Hang a folded cloth from the ceiling, 1 cm thick."""
     broad = chance.uniform(0.8, 1.6)
-    place = ground.find(chance, (-0.4 * wide, 0.4 * wide, -0.4 * deep, 0.4 * deep), 0.4, broad)
-    if place is None:
-        return
-    u = np.linspace(-0.5 * broad, 0.5 * broad, 41)[None, :]
-    v = np.linspace(high, chance.uniform(0.3, 1.2), 9)[:, None]
-    fold = chance.uniform(0.04, 0.1) * np.sin(chance.uniform(9.0, 22.0) * u) * (0.7 + 0.1 * v)
-    cloth = np.stack([place[0] + fold, v + 0.0 * u, place[1] + u + 0.0 * v], axis=-1)
-    model.add(solids.sheet(cloth, 0.01), CLOTH, closed=True, tint=chance.pick(COLOURS))
+    for x, z in ground.places(chance, (-0.4 * wide, 0.4 * wide, -0.4 * deep, 0.4 * deep), 0.4, broad):
+        u = np.linspace(-0.5 * broad, 0.5 * broad, 41)[None, :]
+        v = np.linspace(high, chance.uniform(0.3, 1.2), 9)[:, None]
+        fold = chance.uniform(0.04, 0.1) * np.sin(chance.uniform(9.0, 22.0) * u) * (0.7 + 0.1 * v)
+        cloth = np.stack([x + fold, v + 0.0 * u, z + u + 0.0 * v], axis=-1)
+        model.add(solids.sheet(cloth, 0.01), CLOTH, closed=True, tint=chance.pick(COLOURS))

@@ -8,15 +8,13 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..scatter import Doubles
+from ..scatter import Doubles, unit_numbers
 
 T = TypeVar("T")
 
 
 class Chance:
     """A stream of random numbers that depends on a kind and a seed only.
-
-    The raw bits of PCG64 are fixed by numpy for good; its distributions are not, so none is used.
 
     Args:
         kind: name of a kind of scene.
@@ -29,10 +27,7 @@ class Chance:
 
     def uniforms(self, low: float, high: float, *shape: int) -> Doubles:
         """Return [*shape] numbers in [low, high)."""
-        raw = self._bits.random_raw(int(np.prod(shape)))
-        unit = (raw >> np.uint64(11)).astype(np.float64).reshape(shape) * 2.0**-53
-        values: Doubles = low + (high - low) * unit
-        return values
+        return low + (high - low) * unit_numbers(self._bits, *shape)
 
     def uniform(self, low: float, high: float) -> float:
         """Return a number in [low, high)."""

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 
 from ssgi_cl.core.lights import DirectionalLight, Environment
 
-from ...normals import DEFAULT_CREASE_ANGLE
 from ...parts import Part, complete
-from ..scatter import Doubles, rotation
+from ..scatter import Doubles, about_x, about_y, rotation
 from ..shapes import joined, lathe, rounded
 from . import furniture, solids
 from .chance import Chance
-from .draft import Draft
+from .draft import Draft, directions
 from .model import IRON, STONE, Model
 from .views import Candidate
 
@@ -25,15 +26,8 @@ def colonnade(chance: Chance) -> Draft:
     candidates = plan(model, chance, high, _column(chance, high))
     away = chance.uniform(-0.9, 0.9)
     sun = DirectionalLight((-0.6, -chance.uniform(0.5, 0.9), away), (17.0, 15.0, 12.0))
-    return Draft(
-        model=model,
-        candidates=candidates,
-        lights=(sun, Environment((0.8, 1.0, 1.3))),
-        ao_radius=0.15 * high,
-        yfov=chance.uniform(0.85, 1.05),
-        clearance=0.3,
-        coverage=0.7,
-    )
+    lights = (sun, Environment((0.8, 1.0, 1.3)))
+    return Draft(model, candidates, lights, ao_radius=0.15 * high, yfov=chance.uniform(0.85, 1.05), coverage=0.7)
 
 
 def _column(chance: Chance, high: float) -> Part:
@@ -48,35 +42,20 @@ def _column(chance: Chance, high: float) -> Part:
         return factor + 0.0 * height
 
     base = [
-        (0.0, 0.0),
-        (1.55, 0.0),
-        (1.55, 0.25),
-        (1.45, 0.3),
-        (1.5, 0.42),
-        (1.4, 0.55),
-        (1.15, 0.58),
-        (1.15, 0.62),
+        (0.0, 0.0), (1.55, 0.0), (1.55, 0.25), (1.45, 0.3), (1.5, 0.42), (1.4, 0.55), (1.15, 0.58), (1.15, 0.62),
         (0.0, 0.62),
-    ]
+    ]  # fmt: skip
     top = high / radius
-    capital = [
-        (0.0, top - 1.1),
-        (1.0, top - 1.1),
-        (1.02, top - 0.8),
-        (1.15, top - 0.72),
-        (1.0, top - 0.66),
-        *rounded([(1.0, top - 0.62), (1.15, top - 0.45), (1.6, top - 0.2), (1.65, top - 0.17)], 4),
-        (0.0, top - 0.17),
-    ]
+    bell = rounded([(1.0, top - 0.62), (1.15, top - 0.45), (1.6, top - 0.2), (1.65, top - 0.17)], 4)
+    neck = [(0.0, top - 1.1), (1.0, top - 1.1), (1.02, top - 0.8), (1.15, top - 0.72), (1.0, top - 0.66)]
+    capital = [*neck, *bell, (0.0, top - 0.17)]
     heights = np.linspace(0.6, top - 1.05, 7)
     swell = 1.0 - 0.16 * ((heights - 0.6) / top) ** 1.8
     profile = [(0.0, 0.6), *zip(swell, heights, strict=True), (0.0, top - 1.05)]
     segments = 4 * flutes if flutes else 28
-    parts = [
-        lathe(radius * np.array(base), 28), lathe(radius * np.array(capital), 28),
-        lathe(radius * np.array(profile), segments, shape=fluted if flutes else None),
-    ]  # fmt: skip
-    return joined([complete(part, DEFAULT_CREASE_ANGLE) for part in parts])
+    shaft = lathe(radius * np.array(profile), segments, shape=fluted if flutes else None)
+    parts = [lathe(radius * np.array(base), 28), lathe(radius * np.array(capital), 28), shaft]
+    return joined([complete(part) for part in parts])
 
 
 def _stand(model: Model, chance: Chance, column: Part, places: Doubles, high: float) -> None:
@@ -85,14 +64,8 @@ def _stand(model: Model, chance: Chance, column: Part, places: Doubles, high: fl
     scale = np.ones((len(places), 3))
     broken = chance.uniforms(0.0, 1.0, len(places)) < 0.05
     scale[broken, 1] = 0.5
-    model.scatter(
-        column,
-        STONE,
-        places,
-        turns=turns,
-        scales=scale,
-        tints=np.repeat(chance.uniforms(0.9, 1.1, len(places), 1), 3, axis=1),
-    )
+    tints = np.repeat(chance.uniforms(0.9, 1.1, len(places), 1), 3, axis=1)
+    model.scatter(column, STONE, places, turns=turns, scales=scale, tints=tints)
     wide = 0.28 * high / 2.6
     for (x, y, z), short in zip(places, broken, strict=True):
         model.put("box", (x, y - 0.04, z), (wide * 1.2, 0.08, wide * 1.2), STONE)
@@ -106,17 +79,11 @@ def _paving(model: Model, chance: Chance, half_x: float, half_z: float, y: float
     rows, columns = max(round(2 * half_z / size), 1), max(round(2 * half_x / size), 1)
     model.box((-half_x, y - 0.4, -half_z), (half_x, y - 0.05, half_z), STONE, 0.8)
     step_x, step_z = 2 * half_x / columns, 2 * half_z / rows
-    for row in range(rows):
-        for column in range(columns):
-            x, z = -half_x + (column + 0.5) * step_x, -half_z + (row + 0.5) * step_z
-            lift = chance.uniform(-0.008, 0.004)
-            model.put(
-                "box",
-                (x, y - 0.03 + lift, z),
-                (step_x - 0.015, 0.06, step_z - 0.015),
-                STONE,
-                tint=chance.uniform(0.8, 1.1),
-            )
+    slab = (step_x - 0.015, 0.06, step_z - 0.015)
+    for row, column in product(range(rows), range(columns)):
+        x, z = -half_x + (column + 0.5) * step_x, -half_z + (row + 0.5) * step_z
+        place = (x, y - 0.03 + chance.uniform(-0.008, 0.004), z)
+        model.put("box", place, slab, STONE, tint=chance.uniform(0.8, 1.1))
 
 
 def _balustrade(model: Model, chance: Chance, start: Doubles, end: Doubles) -> None:
@@ -124,14 +91,11 @@ def _balustrade(model: Model, chance: Chance, start: Doubles, end: Doubles) -> N
     along = end - start
     length = float(np.linalg.norm(along))
     count = max(int(length / 0.19), 2)
-    profile = rounded(
-        [(0.035, 0.1), (0.05, 0.14), (0.03, 0.22), (0.065, 0.4), (0.03, 0.62), (0.05, 0.7), (0.04, 0.74)], 2
-    )
-    baluster = lathe([(0.0, 0.1), *profile, (0.0, 0.74)], 12)
+    outline = [(0.035, 0.1), (0.05, 0.14), (0.03, 0.22), (0.065, 0.4), (0.03, 0.62), (0.05, 0.7), (0.04, 0.74)]
+    baluster = lathe([(0.0, 0.1), *rounded(outline, 2), (0.0, 0.74)], 12)
     share = (np.arange(count) + 0.5)[:, None] / count
     model.scatter(baluster, STONE, start + share * along)
-    middle, angle = 0.5 * (start + end), float(np.arctan2(-along[2], along[0]))
-    turn = rotation((0, 1, 0), angle)[0]
+    middle, turn = 0.5 * (start + end), about_y(float(np.arctan2(-along[2], along[0])))
     model.put("box", middle + np.array((0, 0.05, 0)), (length, 0.1, 0.16), STONE, turn=turn)
     model.put("box", middle + np.array((0, 0.79, 0)), (length, 0.1, 0.18), STONE, turn=turn)
 
@@ -139,7 +103,7 @@ def _balustrade(model: Model, chance: Chance, start: Doubles, end: Doubles) -> N
 def _beam(model: Model, start: Doubles, end: Doubles, y: float, size: float) -> None:
     """Add an architrave of three bands and a cornice between two columns' tops."""
     along = end - start
-    turn = rotation((0, 1, 0), float(np.arctan2(-along[2], along[0])))[0]
+    turn = about_y(float(np.arctan2(-along[2], along[0])))
     middle, length = 0.5 * (start + end), float(np.linalg.norm(along))
     for i, (low, high, out) in enumerate(((0.0, 0.5, 1.0), (0.5, 1.0, 1.06), (1.0, 1.15, 1.3), (1.15, 1.3, 1.5))):
         place = (middle[0], y + 0.5 * (low + high) * size, middle[2])
@@ -153,13 +117,8 @@ def _debris(model: Model, chance: Chance, bounds: tuple[float, float], y: float)
         with model.at((x, y, z), chance.uniform(0, 6.28)):
             kind, size = chance.whole(0, 3), chance.uniform(0.12, 0.35)
             if kind == 0:
-                model.put(
-                    "box",
-                    (0, 0.4 * size, 0),
-                    (2 * size, 0.8 * size, 1.2 * size),
-                    STONE,
-                    turn=rotation((1, 0, 0.3), chance.uniform(-0.1, 0.1))[0],
-                )
+                tilt = rotation((1, 0, 0.3), chance.uniform(-0.1, 0.1))[0]
+                model.put("box", (0, 0.4 * size, 0), (2 * size, 0.8 * size, 1.2 * size), STONE, turn=tilt)
             elif kind == 1:
                 rock = solids.rock(chance.whole(0, 10**6), 16)
                 model.add(rock, STONE, (0, 0.5 * size, 0), scale=(size, 0.7 * size, size))
@@ -171,11 +130,10 @@ def _debris(model: Model, chance: Chance, bounds: tuple[float, float], y: float)
 
 def _lantern(model: Model, top: float, drop: float, x: float, z: float) -> None:
     """Add a lantern of thin bars on a chain of rings."""
-    link = complete(solids.torus(0.025, 0.006, 12, 5), DEFAULT_CREASE_ANGLE)
+    link = complete(solids.torus(0.025, 0.006, 12, 5))
     count = int(drop / 0.045)
     places = np.array([(x, top - 0.045 * (i + 0.5), z) for i in range(count)])
-    flat = rotation((1, 0, 0), 0.5 * np.pi)[0]
-    turns = rotation((0, 1, 0), 0.5 * np.pi * (np.arange(count) % 2)) @ flat
+    turns = rotation((0, 1, 0), 0.5 * np.pi * (np.arange(count) % 2)) @ about_x(0.5 * np.pi)
     model.scatter(link, IRON, places, turns=turns)
     low = top - drop
     for angle in np.arange(6) * (np.pi / 3):
@@ -191,15 +149,12 @@ def _portico(model: Model, chance: Chance, high: float, column: Part) -> list[Ca
     count, gap = chance.whole(5, 8), chance.uniform(0.5, 0.75) * high
     rows, deep = chance.whole(1, 2), chance.uniform(0.7, 1.0) * high
     half = 0.5 * gap * (count - 1) + 0.6
-    places = np.array([
-        (gap * (i - 0.5 * (count - 1)), 0.0, -deep * row) for row in range(rows)
-        for i in range(count)
-    ])  # fmt: skip
+    grid = product(range(rows), range(count))
+    places = np.array([(gap * (i - 0.5 * (count - 1)), 0.0, -deep * row) for row, i in grid])
     _stand(model, chance, column, places, high)
     size, back = 0.11 * high, -deep * rows
     for row in range(rows):
-        left, right = np.array((-half, 0, -deep * row)), np.array((half, 0, -deep * row))
-        _beam(model, left, right, high, size)
+        _beam(model, np.array((-half, 0, -deep * row)), np.array((half, 0, -deep * row)), high, size)
     if chance.yes(0.7):
         model.box((-half - 0.3, high + 1.3 * size, back - 0.3), (half + 0.3, high + 1.3 * size + 0.15, 0.4), STONE)
         for x in np.arange(-half + 0.4, half, 0.5 * gap):
@@ -259,35 +214,19 @@ def _ring(model: Model, chance: Chance, high: float, column: Part) -> list[Candi
     model.put("bar28", (0, -0.3, 0), (radius + 1.2, 0.2, radius + 1.2), STONE, tint=0.9)
     half = radius + 4.5
     _paving(model, chance, half, half, -0.25)
-    model.add(
-        lathe(
-            [
-                (0.0, 0.0),
-                (0.9, 0.0),
-                (1.0, 0.1),
-                (0.95, 0.5),
-                (1.1, 0.55),
-                (1.1, 0.62),
-                (0.85, 0.62),
-                (0.8, 0.3),
-                (0.0, 0.25),
-            ],
-            40,
-        ),
-        STONE,
-        scale=(0.25 * radius, 1.0, 0.25 * radius),
-    )
+    basin = [
+        (0.0, 0.0), (0.9, 0.0), (1.0, 0.1), (0.95, 0.5), (1.1, 0.55), (1.1, 0.62), (0.85, 0.62),
+        (0.8, 0.3), (0.0, 0.25),
+    ]  # fmt: skip
+    model.add(lathe(basin, 40), STONE, scale=(0.25 * radius, 1.0, 0.25 * radius))
     with model.at((0, 0.25, 0)):
         furniture.vase(model, chance, chance.uniform(0.8, 1.5), STONE)
     _debris(model, chance, (0.8 * half, 0.8 * half), -0.25)
-    start = chance.uniform(0.0, 6.28)
     views = []
-    for i in range(40):
-        turn = start + 2.4 * i
+    for i, cosine, sine in directions(chance, 40):
         far = (0.6 if i % 2 else 1.35) * radius
-        eye = (float(far * np.cos(turn)), chance.uniform(1.0, 2.2), float(far * np.sin(turn)))
-        target = (-0.4 * eye[0], chance.uniform(0.05, 0.3) * high, -0.4 * eye[2])
-        views.append(Candidate(eye, target))
+        eye = (far * cosine, chance.uniform(1.0, 2.2), far * sine)
+        views.append(Candidate(eye, (-0.4 * eye[0], chance.uniform(0.05, 0.3) * high, -0.4 * eye[2])))
     return views
 
 
@@ -298,7 +237,7 @@ def _court(model: Model, chance: Chance, high: float, column: Part) -> list[Cand
     half = 0.5 * gap * number
     size = 0.09 * high
     rise = 0.5 * (gap - 0.3)
-    part = complete(solids.arch(gap - 0.3, 0.15, 0.3), DEFAULT_CREASE_ANGLE)
+    part = complete(solids.arch(gap - 0.3, 0.15, 0.3))
     for turn in (0.0, 0.5 * np.pi, -0.5 * np.pi):
         with model.at((0, 0, 0), turn):
             along = np.array([(gap * i - half, 0.0, -half) for i in range(number + 1)])
@@ -308,12 +247,8 @@ def _court(model: Model, chance: Chance, high: float, column: Part) -> list[Cand
             top = high + rise + 0.15
             model.box((-half - deep, top, -half - deep), (half + deep, top + 0.2, -half + 0.25), STONE)
             _beam(model, np.array((-half, 0, -half)), np.array((half, 0, -half)), top + 0.2, size)
-            model.box(
-                (-half - deep, -0.1, -half - deep - 0.3),
-                (half + deep, top, -half - deep),
-                STONE,
-                chance.uniforms(0.9, 1.15, 3),
-            )
+            low, up = (-half - deep, -0.1, -half - deep - 0.3), (half + deep, top, -half - deep)
+            model.box(low, up, STONE, chance.uniforms(0.9, 1.15, 3))
             for i in range(number):
                 x = gap * (i + 0.5) - half
                 if chance.yes(0.5):

@@ -6,10 +6,10 @@ import numpy as np
 
 from ssgi_cl.core.lights import DirectionalLight, Environment
 
-from ..scatter import Doubles, noise, rotation
+from ..scatter import Doubles, noise
 from . import plants, solids
 from .chance import Chance
-from .draft import Draft, Ground
+from .draft import Draft, Ground, directions
 from .model import IRON, SOIL, STONE, WOOD, Model
 from .views import Candidate
 
@@ -31,23 +31,15 @@ def foliage(chance: Chance) -> Draft:
         result: Doubles = y - 0.12 * path + 0.06 * away**1.5
         return result
 
-    def on_ground(x: float, z: float) -> tuple[float, float, float]:
-        return x, float(height(np.array(x), np.array(z))), z
-
     side = np.linspace(-2.4 * _HALF, 2.4 * _HALF, 97)
     model.add(solids.height_field(side, height), SOIL, closed=False)
     bounds = (-_HALF, _HALF, -_HALF, _HALF)
-    for _ in range(chance.whole(2, 5)):
-        place = ground.find(chance, bounds, 1.5, 1.5)
-        if place is not None:
-            with model.at(on_ground(*place)):
-                plants.tree(model, chance, chance.uniform(2.5, 5.0), chance.whole(900, 1600))
+    for x, z in ground.places(chance, bounds, 1.5, 1.5, chance.whole(2, 5)):
+        with model.at(solids.on_ground(height, x, z)):
+            plants.tree(model, chance, chance.uniform(2.5, 5.0), chance.whole(900, 1600))
     for kind, most, size in (("bush", 7, 1.0), ("fern", 12, 0.8), ("rock", 9, 0.7)):
-        for _ in range(chance.whole(most // 3, most)):
-            place = ground.find(chance, bounds, size, size)
-            if place is None:
-                continue
-            with model.at(on_ground(*place), chance.uniform(0, 6.28)):
+        for x, z in ground.places(chance, bounds, size, size, chance.whole(most // 3, most)):
+            with model.at(solids.on_ground(height, x, z), chance.uniform(0, 6.28)):
                 if kind == "bush":
                     plants.bush(model, chance, chance.uniform(0.35, 0.8), chance.whole(250, 600))
                 elif kind == "fern":
@@ -56,46 +48,33 @@ def foliage(chance: Chance) -> Draft:
                     _stone(model, chance)
     for angle in np.arange(14) * (2.0 * np.pi / 14):
         far = _HALF * chance.uniform(1.2, 1.5)
-        x, z = float(far * np.cos(angle)), float(far * np.sin(angle))
-        with model.at(on_ground(x, z)):
+        with model.at(solids.on_ground(height, far * np.cos(angle), far * np.sin(angle))):
             plants.bush(model, chance, chance.uniform(0.9, 1.7), 380)
     for _ in range(chance.whole(6, 14)):  # tufts
         x, z = chance.uniforms(-_HALF, _HALF, 2)
         count = chance.whole(60, 160)
         spots = np.array((x, z)) + chance.uniforms(-0.5, 0.5, count, 2)
-        y = height(spots[:, 0], spots[:, 1]) - 0.01
-        plants.grass(model, chance, np.stack([spots[:, 0], y, spots[:, 1]], axis=1), chance.uniform(0.2, 0.7))
+        plants.grass(model, chance, solids.all_on_ground(height, spots, -0.01), chance.uniform(0.2, 0.7))
     if chance.yes(0.6):
         _fence(model, chance, height)
     if chance.yes(0.5):
         x, z = chance.uniforms(-3.0, 3.0, 2)
-        with model.at(on_ground(float(x), float(z)), chance.uniform(0, 3.1)):
+        with model.at(solids.on_ground(height, x, z), chance.uniform(0, 3.1)):
             radius = chance.uniform(0.12, 0.25)
             model.bar((-1.1, 0.8 * radius, 0), (1.1, 0.8 * radius, 0.2), radius, WOOD, sides=16)
             model.bar((0.3, radius, 0), (0.8, 2.6 * radius, 0.4), 0.25 * radius, WOOD)
     low = -chance.uniform(0.45, 0.9)
     sun = DirectionalLight((chance.uniform(-0.8, 0.8), low, -0.5), (16.0, 14.5, 11.5))
-    return Draft(
-        model=model,
-        candidates=_candidates(chance, height),
-        lights=(sun, Environment((0.8, 1.0, 1.25))),
-        ao_radius=chance.pick((0.3, 0.5, 0.8)),
-        yfov=0.9,
-        clearance=0.3,
-        coverage=0.6,
-    )
+    views, lights = _candidates(chance, height), (sun, Environment((0.8, 1.0, 1.25)))
+    return Draft(model, views, lights, ao_radius=chance.pick((0.3, 0.5, 0.8)), yfov=0.9, coverage=0.6)
 
 
 def _stone(model: Model, chance: Chance) -> None:
     size = chance.uniform(0.12, 0.45)
     rock = solids.rock(chance.whole(0, 10**6), 18)
-    model.add(
-        rock,
-        STONE,
-        (0, 0.35 * size, 0),
-        tint=chance.uniform(0.7, 1.1),
-        scale=(size, size * chance.uniform(0.5, 0.9), size * chance.uniform(0.7, 1.2)),
-    )
+    tint = chance.uniform(0.7, 1.1)
+    scale = (size, size * chance.uniform(0.5, 0.9), size * chance.uniform(0.7, 1.2))
+    model.add(rock, STONE, (0, 0.35 * size, 0), tint=tint, scale=scale)
 
 
 def _fence(model: Model, chance: Chance, height: solids.Height) -> None:
@@ -110,16 +89,9 @@ def _fence(model: Model, chance: Chance, height: solids.Height) -> None:
         for share in (0.25, 0.5, 0.75, 0.95):
             model.rope(feet + np.array((0, share * high, 0.036)), 0.0025, IRON)
         return
-    turn = rotation((0, 1, 0), 0.0)[0]
     for foot in feet:
-        model.put(
-            "box",
-            foot + np.array((0, 0.5 * high, 0)),
-            (0.07, high, 0.02),
-            WOOD,
-            turn=turn,
-            tint=chance.uniform(0.8, 1.2),
-        )
+        place = foot + np.array((0, 0.5 * high, 0))
+        model.put("box", place, (0.07, high, 0.02), WOOD, tint=chance.uniform(0.8, 1.2))
     for share in (0.2, 0.8):
         for start, end in zip(feet[:-1:4], feet[4::4], strict=False):
             up = np.array((0, share * high, -0.03))
@@ -129,12 +101,9 @@ def _fence(model: Model, chance: Chance, height: solids.Height) -> None:
 def _candidates(chance: Chance, height: solids.Height) -> list[Candidate]:
     """Return views at the height of eyes and near the ground."""
     views = []
-    start = chance.uniform(0.0, 6.28)
-    for i in range(60):
-        angle = start + 2.4 * i
+    for i, cosine, sine in directions(chance, 60):
         far = _HALF * chance.uniform(0.35, 0.95)
-        x, z = float(far * np.cos(angle)), float(far * np.sin(angle))
         up = chance.uniform(0.5, 1.0) if i % 3 == 2 else chance.uniform(1.3, 2.0)
-        eye = (x, float(height(np.array(x), np.array(z))) + up, z)
-        views.append(Candidate(eye, (-0.3 * x, chance.uniform(0.1, 0.6), -0.3 * z)))
+        x, y, z = solids.on_ground(height, far * cosine, far * sine)
+        views.append(Candidate((x, y + up, z), (-0.3 * x, chance.uniform(0.1, 0.6), -0.3 * z)))
     return views

@@ -1,14 +1,22 @@
-"""What stands, hangs and lies in rooms; every piece faces +z and stands on y = 0."""
+"""Furniture and clutter of rooms; every piece faces +z and stands on y = 0."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import product
+
 import numpy as np
 
-from ..scatter import rotation
+from ..scatter import about_x, about_y, rotation
 from ..shapes import lathe, rounded
 from . import solids
 from .chance import Chance
 from .model import CLOTH, COLOURS, IRON, LEAF, PAINT, SOIL, STEEL, WOOD, Model
+
+
+def _corners(x: float, z: float) -> Iterator[tuple[float, float]]:
+    """Return the corners (x, z) of a rectangle round the origin with these half sides."""
+    return product((-x, x), (-z, z))
 
 
 def shelves(model: Model, chance: Chance, wide: float, high: float, deep: float) -> None:
@@ -16,12 +24,11 @@ def shelves(model: Model, chance: Chance, wide: float, high: float, deep: float)
     levels = max(int(high / chance.uniform(0.32, 0.5)), 2)
     ys = np.linspace(0.06, high - 0.03, levels + 1)
     post = 0.012 if chance.yes(0.4) else 0.03
-    for x in (-0.5 * wide, 0.5 * wide):
-        for z in (-0.5 * deep, 0.5 * deep):
-            if post < 0.02:
-                model.bar((x, 0.0, z), (x, high, z), post, IRON)
-            else:
-                model.box((x - post, 0.0, z - post), (x + post, high, z + post), WOOD)
+    for x, z in _corners(0.5 * wide, 0.5 * deep):
+        if post < 0.02:
+            model.bar((x, 0.0, z), (x, high, z), post, IRON)
+        else:
+            model.box((x - post, 0.0, z - post), (x + post, high, z + post), WOOD)
     for y, above in zip(ys, [*ys[1:], high + 0.3], strict=True):
         model.box((-0.5 * wide, y - 0.02, -0.5 * deep), (0.5 * wide, y, 0.5 * deep), WOOD)
         goods(model, chance, wide - 0.1, deep, y, above - y - 0.05)
@@ -61,20 +68,16 @@ def cabinet(model: Model, chance: Chance, wide: float, high: float, deep: float)
     """Add a cupboard on feet with doors, gaps and handles, and a few things on its top."""
     tint = chance.pick(COLOURS) if chance.yes(0.5) else (1.0, 1.0, 1.0)
     foot = 0.08
-    for x in (-0.45 * wide, 0.45 * wide):
-        for z in (-0.4 * deep, 0.4 * deep):
-            model.box((x - 0.02, 0.0, z - 0.02), (x + 0.02, foot, z + 0.02), WOOD)
+    for x, z in _corners(0.45 * wide, 0.4 * deep):
+        model.box((x - 0.02, 0.0, z - 0.02), (x + 0.02, foot, z + 0.02), WOOD)
     model.box((-0.5 * wide, foot, -0.5 * deep), (0.5 * wide, high, 0.5 * deep - 0.025), WOOD, tint)
     doors = max(round(wide / 0.5), 1)
     for i in range(doors):
         left = -0.5 * wide + (i * wide) / doors + 0.006
         right = left + wide / doors - 0.012
         model.box((left, foot + 0.01, 0.5 * deep - 0.02), (right, high - 0.02, 0.5 * deep), WOOD, tint)
-        handle = right - 0.06 if i % 2 == 0 else left + 0.06
-        middle = 0.5 * high
-        model.bar(
-            (handle, middle - 0.07, 0.5 * deep + 0.025), (handle, middle + 0.07, 0.5 * deep + 0.025), 0.006, STEEL
-        )
+        x, y, z = right - 0.06 if i % 2 == 0 else left + 0.06, 0.5 * high, 0.5 * deep + 0.025
+        model.bar((x, y - 0.07, z), (x, y + 0.07, z), 0.006, STEEL)
     model.box((-0.5 * wide - 0.02, high, -0.5 * deep), (0.5 * wide + 0.02, high + 0.025, 0.5 * deep + 0.02), WOOD)
     if high < 1.5:
         goods(model, chance, wide - 0.1, deep, high + 0.025, 0.4)
@@ -92,15 +95,10 @@ def sofa(model: Model, chance: Chance, wide: float, deep: float) -> None:
     seats = max(round(wide / 0.7), 1)
     for i in range(seats):
         x = (i + 0.5) * 0.86 * wide / seats - 0.43 * wide
-        model.put(
-            "cushion",
-            (x, 0.36, 0.05 * deep),
-            (0.42 * wide / seats, 0.08, 0.36 * deep),
-            CLOTH,
-            tint=0.9 * np.asarray(tint),
-        )
+        size = (0.42 * wide / seats, 0.08, 0.36 * deep)
+        model.put("cushion", (x, 0.36, 0.05 * deep), size, CLOTH, tint=0.9 * np.asarray(tint))
         if chance.yes(0.6):
-            turn = rotation((1.0, 0.0, 0.0), -0.35)[0] @ rotation((0, 0, 1), chance.uniform(-0.4, 0.4))[0]
+            turn = about_x(-0.35) @ rotation((0, 0, 1), chance.uniform(-0.4, 0.4))[0]
             model.put("cushion", (x, 0.58, -0.2 * deep), (0.2, 0.18, 0.06), CLOTH, turn=turn, tint=chance.pick(COLOURS))
 
 
@@ -115,12 +113,11 @@ def table(model: Model, chance: Chance, wide: float, deep: float, high: float = 
         wide = deep = 1.3 * radius
     else:
         model.box((-0.5 * wide, high - 0.035, -0.5 * deep), (0.5 * wide, high, 0.5 * deep), WOOD)
-        for x in (-0.46 * wide, 0.46 * wide):
-            for z in (-0.44 * deep, 0.44 * deep):
-                if style == 1:
-                    model.bar((x, 0, z), (0.9 * x, high - 0.035, 0.9 * z), 0.014, IRON)
-                else:
-                    model.box((x - 0.03, 0, z - 0.03), (x + 0.03, high - 0.035, z + 0.03), WOOD)
+        for x, z in _corners(0.46 * wide, 0.44 * deep):
+            if style == 1:
+                model.bar((x, 0, z), (0.9 * x, high - 0.035, 0.9 * z), 0.014, IRON)
+            else:
+                model.box((x - 0.03, 0, z - 0.03), (x + 0.03, high - 0.035, z + 0.03), WOOD)
         if style == 2:
             for z in (-0.44 * deep, 0.44 * deep):
                 model.box((-0.46 * wide, high - 0.12, z - 0.01), (0.46 * wide, high - 0.035, z + 0.01), WOOD)
@@ -136,14 +133,8 @@ def trinket(model: Model, chance: Chance) -> None:
     size = chance.uniform(0.04, 0.12)
     if kind == 0:
         for i in range(chance.whole(1, 4)):
-            model.put(
-                "box",
-                (0.01 * i, 0.015 + 0.03 * i, 0),
-                (0.2, 0.028, 0.14),
-                PAINT,
-                turn=rotation((0, 1, 0), chance.uniform(-0.3, 0.3))[0],
-                tint=chance.pick(COLOURS),
-            )
+            place, turn = (0.01 * i, 0.015 + 0.03 * i, 0), about_y(chance.uniform(-0.3, 0.3))
+            model.put("box", place, (0.2, 0.028, 0.14), PAINT, turn=turn, tint=chance.pick(COLOURS))
     elif kind == 1:
         model.put("ball", (0, size, 0), size, PAINT, tint=tint)
     elif kind == 2:
@@ -162,9 +153,8 @@ def trinket(model: Model, chance: Chance) -> None:
 def vase(model: Model, chance: Chance, high: float, material: int = PAINT) -> None:
     """Add a turned vase."""
     belly, neck = chance.uniform(0.25, 0.42), chance.uniform(0.1, 0.2)
-    profile = rounded(
-        [(0.0, 0.0), (0.2, 0.0), (belly, 0.4), (neck, 0.8), (1.3 * neck, 1.0), (0.9 * neck, 1.0), (0.0, 0.9)], 4
-    )
+    outline = [(0.0, 0.0), (0.2, 0.0), (belly, 0.4), (neck, 0.8), (1.3 * neck, 1.0), (0.9 * neck, 1.0), (0.0, 0.9)]
+    profile = rounded(outline, 4)
     profile[0] = profile[-1] * [0.0, 0.0]
     profile[-1, 0] = 0.0
     model.add(lathe(high * profile, 24), material, tint=chance.pick(COLOURS))
@@ -189,21 +179,9 @@ def chair(model: Model, chance: Chance) -> None:
 def plant(model: Model, chance: Chance, high: float, closed: bool) -> None:
     """Add a pot with long leaves; with `closed` the leaves have a thickness."""
     radius = 0.16 * high
-    model.add(
-        lathe(
-            [
-                (0.0, 0.0),
-                (0.75 * radius, 0.0),
-                (radius, 0.3 * high),
-                (0.9 * radius, 0.3 * high),
-                (0.85 * radius, 0.26 * high),
-                (0.0, 0.26 * high),
-            ],
-            20,
-        ),
-        PAINT,
-        tint=(0.75, 0.36, 0.22),
-    )
+    pot = [(0.0, 0.0), (0.75 * radius, 0.0), (radius, 0.3 * high), (0.9 * radius, 0.3 * high)]
+    pot += [(0.85 * radius, 0.26 * high), (0.0, 0.26 * high)]
+    model.add(lathe(pot, 20), PAINT, tint=(0.75, 0.36, 0.22))
     model.put("bar16", (0, 0.2 * high, 0), (0.84 * radius, 0.07 * high, 0.84 * radius), SOIL)
     s = np.linspace(0.0, 1.0, 7)[:, None]
     for i in range(chance.whole(10, 20)):
@@ -211,23 +189,16 @@ def plant(model: Model, chance: Chance, high: float, closed: bool) -> None:
         along = np.concatenate([lean * s * size, 0.28 + 0.72 * size * (s - 0.5 * lean * s**2), 0.0 * s], axis=1) * high
         half = 0.045 * high * np.sin(np.pi * np.clip(0.1 + 0.87 * s, 0, 1))
         middle = along + np.array((0.02 * high * (i % 3), 0.0, 0.0))
-        blade = np.stack(
-            [middle - half * [0, 0, 1], middle + np.array((0, -0.012 * high, 0)), middle + half * [0, 0, 1]], axis=1
-        )
-        model.add(
-            solids.sheet(blade, 0.003 if closed else 0.0),
-            LEAF,
-            turn=rotation((0, 1, 0), chance.uniform(0, 6.28))[0],
-            closed=closed,
-            tint=chance.uniforms(0.7, 1.2, 3),
-        )
+        across, down = half * [0, 0, 1], np.array((0, -0.012 * high, 0))
+        blade = solids.sheet(np.stack([middle - across, middle + down, middle + across], axis=1), 0.003 * closed)
+        turn = about_y(chance.uniform(0, 6.28))
+        model.add(blade, LEAF, turn=turn, closed=closed, tint=chance.uniforms(0.7, 1.2, 3))
 
 
 def radiator(model: Model, chance: Chance, wide: float) -> None:
     """Add a radiator of round ribs."""
-    for x in np.arange(-0.5 * wide, 0.5 * wide, 0.055):
-        for z in (-0.04, 0.04):
-            model.bar((x, 0.12, z), (x, 0.72, z), 0.018, PAINT)
+    for x, z in product(np.arange(-0.5 * wide, 0.5 * wide, 0.055), (-0.04, 0.04)):
+        model.bar((x, 0.12, z), (x, 0.72, z), 0.018, PAINT)
     for y in (0.14, 0.7):
         model.bar((-0.5 * wide, y, 0), (0.5 * wide, y, 0), 0.03, PAINT, sides=16)
     model.bar((0.5 * wide, 0.14, 0), (0.5 * wide + 0.15, 0.14, 0), 0.012, STEEL)
@@ -245,22 +216,16 @@ def lamp(model: Model, chance: Chance, high: float, closed: bool) -> None:
 
 def rack(model: Model, chance: Chance, wide: float, high: float) -> None:
     """Add a rack of thin bars, such as for drying or of a cage, with rings on some."""
-    for x in (-0.5 * wide, 0.5 * wide):
-        model.bar((x, 0, -0.3), (x, high, 0.0), 0.011, STEEL)
-        model.bar((x, 0, 0.3), (x, high, 0.0), 0.011, STEEL)
+    for x, z in _corners(0.5 * wide, 0.3):
+        model.bar((x, 0, z), (x, high, 0.0), 0.011, STEEL)
     count = chance.whole(7, 14)
     for i, share in enumerate(np.linspace(0.25, 1.0, count)):
         z = 0.3 * (1.0 - share) * (-1.0 if i % 2 else 1.0)
         model.bar((-0.5 * wide, share * high, z), (0.5 * wide, share * high, z), 0.005, STEEL)
         if chance.yes(0.4):
             x, size = chance.uniform(-0.4, 0.4) * wide, chance.uniform(0.05, 0.12)
-            model.add(
-                solids.torus(size, 0.012, 24, 6),
-                PAINT,
-                (x, share * high - size + 0.012, z),
-                turn=rotation((1, 0.0, 0), 0.5 * np.pi)[0],
-                tint=chance.pick(COLOURS),
-            )
+            ring, place = solids.torus(size, 0.012, 24, 6), (x, share * high - size + 0.012, z)
+            model.add(ring, PAINT, place, turn=about_x(0.5 * np.pi), tint=chance.pick(COLOURS))
 
 
 def leaning_rods(model: Model, chance: Chance, wide: float, high: float) -> None:
@@ -273,7 +238,7 @@ def leaning_rods(model: Model, chance: Chance, wide: float, high: float) -> None
             radius = chance.uniform(0.003, 0.02)
             model.bar((x, 0, foot), (x + side, top, -0.2 + radius), radius, chance.pick((WOOD, STEEL, IRON)))
         else:
-            tilt = rotation((1, 0, 0), -np.arctan((foot + 0.2) / top))[0]
+            tilt = about_x(-np.arctan((foot + 0.2) / top))
             model.put("box", (x, 0.5 * top, 0.5 * (foot - 0.2)), (0.14, top, 0.02), WOOD, turn=tilt)
 
 
@@ -295,26 +260,16 @@ def clutter(model: Model, chance: Chance) -> None:
         y = 0.0
         for _ in range(chance.whole(1, 4)):
             w, h, d = chance.uniforms(0.5, 1.3, 3) * size
-            model.put(
-                "box",
-                (0, y + 0.5 * h, 0),
-                (w, h, d),
-                PAINT,
-                turn=rotation((0, 1, 0), chance.uniform(0, 3))[0],
-                tint=chance.pick(COLOURS),
-            )
+            turn = about_y(chance.uniform(0, 3))
+            model.put("box", (0, y + 0.5 * h, 0), (w, h, d), PAINT, turn=turn, tint=chance.pick(COLOURS))
             y += h
     elif kind == 1:
         model.put("ball", (0, size, 0), size, PAINT, tint=tint)
     elif kind == 2:
+        minor = 0.18 * size
         for i in range(chance.whole(1, 4)):
-            minor = 0.18 * size
-            model.add(
-                solids.torus(size, minor),
-                PAINT,
-                (0.1 * size * i, minor * (1 + 1.9 * i), 0),
-                tint=0.3 * np.asarray(tint),
-            )
+            place = (0.1 * size * i, minor * (1 + 1.9 * i), 0)
+            model.add(solids.torus(size, minor), PAINT, place, tint=0.3 * np.asarray(tint))
     elif kind == 3:
         model.put("bar28", (0, 0, 0), (size, 1.8 * size, size), PAINT, tint=tint)
     elif kind == 4:

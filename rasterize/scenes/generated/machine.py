@@ -6,16 +6,16 @@ import numpy as np
 
 from ssgi_cl.core.lights import Environment, PointLight, SpotLight
 
-from ..scatter import Doubles, rotation
+from ..scatter import Doubles, about_x
 from ..shapes import lathe, rounded
 from . import furniture, solids
 from .chance import Chance
-from .draft import Draft, Ground
+from .draft import Draft, Ground, directions
 from .model import COLOURS, GLASS, IRON, PAINT, PLASTER, STEEL, STONE, Model
 from .views import Candidate
 
-_LYING = rotation((1.0, 0.0, 0.0), 0.5 * np.pi)[0]
-"""Takes the y axis to z: what turns about y stands upright."""
+_LYING = about_x(0.5 * np.pi)
+"""Rotation from the y axis to z: a wheel about y stands upright then."""
 
 
 def machine(chance: Chance) -> Draft:
@@ -23,19 +23,11 @@ def machine(chance: Chance) -> Draft:
     wide, deep, high = chance.uniform(7, 11), chance.uniform(6, 9), chance.uniform(3.5, 5.0)
     model, ground = Model(), Ground()
     _hall(model, chance, wide, deep, high)
-    for kind, size in (
-        (_engine, 2.6),
-        (chance.pick((_engine, _gears)), 2.2),
-        (_tank, 1.6),
-        (_tank, 1.4),
-        (_gears, 1.4),
-        (_panel, 1.0),
-        (_panel, 1.0),
-    ):
-        inner = (-0.44 * wide, 0.44 * wide, -0.46 * deep, 0.3 * deep)
-        place = ground.find(chance, inner, size, size)
-        if place is not None:
-            with model.at((place[0], 0.0, place[1]), chance.whole(0, 3) * 0.5 * np.pi):
+    inner = (-0.44 * wide, 0.44 * wide, -0.46 * deep, 0.3 * deep)
+    large = (_engine, 2.6), (chance.pick((_engine, _gears)), 2.2), (_tank, 1.6), (_tank, 1.4)
+    for kind, size in (*large, (_gears, 1.4), (_panel, 1.0), (_panel, 1.0)):
+        for x, z in ground.places(chance, inner, size, size):
+            with model.at((x, 0.0, z), chance.whole(0, 3) * 0.5 * np.pi):
                 kind(model, chance, 0.42 * size)
     for _ in range(chance.whole(6, 12)):
         _pipe(model, chance, wide, deep, high)
@@ -45,30 +37,19 @@ def machine(chance: Chance) -> Draft:
         model.sag(start, end, chance.uniform(0.2, 0.9), chance.uniform(0.003, 0.015), IRON)
     if chance.yes(0.7):
         _catwalk(model, chance, wide, deep, chance.uniform(2.0, 2.4))
-    for _ in range(chance.whole(3, 8)):
-        place = ground.find(chance, (-0.4 * wide, 0.4 * wide, -0.3 * deep, 0.42 * deep), 0.5, 0.5)
-        if place is not None:
-            with model.at((place[0], 0.0, place[1]), chance.uniform(0.0, 6.28)):
-                furniture.clutter(model, chance)
+    floor = (-0.4 * wide, 0.4 * wide, -0.3 * deep, 0.42 * deep)
+    for x, z in ground.places(chance, floor, 0.5, 0.5, chance.whole(3, 8)):
+        with model.at((x, 0.0, z), chance.uniform(0.0, 6.28)):
+            furniture.clutter(model, chance)
     lamp = PointLight((0.15 * wide, high - 0.6, 0.1 * deep), (16.0, 14.5, 12.0), 0.05)
     spot = SpotLight((-0.2 * wide, high - 0.4, 0.2 * deep), (0.1, -1.0, -0.4), 0.9, (20.0, 19.0, 17.0))
     views = []
-    first = chance.uniform(0.0, 6.28)
-    for i in range(60):
-        angle = first + 2.4 * i
-        x, z = 0.4 * wide * float(np.cos(angle)), 0.42 * deep * float(np.sin(angle))
-        eye = (x, chance.uniform(0.9, 2.2), z)
-        target = (-0.3 * x + chance.uniform(-0.8, 0.8), chance.uniform(0.5, 1.3), -0.4 * z)
-        views.append(Candidate(eye, target))
-    return Draft(
-        model=model,
-        candidates=views,
-        lights=(lamp, spot, Environment((0.35, 0.38, 0.42))),
-        ao_radius=chance.pick((0.25, 0.4, 0.6)),
-        yfov=chance.uniform(0.85, 1.05),
-        clearance=0.25,
-        coverage=0.97,
-    )
+    for _, cosine, sine in directions(chance, 60):
+        eye = (0.4 * wide * cosine, chance.uniform(0.9, 2.2), 0.42 * deep * sine)
+        aim = -0.3 * eye[0] + chance.uniform(-0.8, 0.8)
+        views.append(Candidate(eye, (aim, chance.uniform(0.5, 1.3), -0.4 * eye[2])))
+    lights, reach = (lamp, spot, Environment((0.35, 0.38, 0.42))), chance.pick((0.25, 0.4, 0.6))
+    return Draft(model, views, lights, ao_radius=reach, yfov=chance.uniform(0.85, 1.05), clearance=0.25)
 
 
 def _hall(model: Model, chance: Chance, wide: float, deep: float, high: float) -> None:
@@ -77,13 +58,10 @@ def _hall(model: Model, chance: Chance, wide: float, deep: float, high: float) -
     tint = chance.uniforms(0.75, 1.0, 3)
     model.box((-x - 0.2, -0.2, -z - 0.2), (x + 0.2, 0.0, z + 0.2), STONE, 0.7)
     model.box((-x - 0.2, high, -z - 0.2), (x + 0.2, high + 0.2, z + 0.2), PLASTER)
-    for low, up in (
-        ((-x - 0.2, 0, -z - 0.2), (x + 0.2, high, -z)),
-        ((-x - 0.2, 0, z), (x + 0.2, high, z + 0.2)),
-        ((-x - 0.2, 0, -z), (-x, high, z)),
-        ((x, 0, -z), (x + 0.2, high, z)),
-    ):
-        model.box(low, up, PLASTER, tint)
+    model.box((-x - 0.2, 0, -z - 0.2), (x + 0.2, high, -z), PLASTER, tint)
+    model.box((-x - 0.2, 0, z), (x + 0.2, high, z + 0.2), PLASTER, tint)
+    model.box((-x - 0.2, 0, -z), (-x, high, z), PLASTER, tint)
+    model.box((x, 0, -z), (x + 0.2, high, z), PLASTER, tint)
     for place in np.linspace(-0.8 * x, 0.8 * x, chance.whole(3, 6)):
         model.box((place - 0.15, 0, -z), (place + 0.15, high, -z + 0.12), PLASTER, 0.9 * tint)
     for place in np.linspace(-0.8 * z, 0.8 * z, chance.whole(3, 5)):
@@ -179,12 +157,8 @@ def _tank(model: Model, chance: Chance, half: float) -> None:
     bottom = [(0.0, 0.0), *outline[1:]]
     top = [(r, tall / radius - y) for r, y in outline[::-1]]
     profile = [*bottom, *top[:-1], (0.0, tall / radius)]
-    model.add(
-        lathe(radius * np.array(profile), 36),
-        PAINT,
-        (0, 0.4, 0),
-        tint=chance.pick((np.array((0.8, 0.8, 0.82)), *COLOURS)),
-    )
+    tint = chance.pick((np.array((0.8, 0.8, 0.82)), *COLOURS))
+    model.add(lathe(radius * np.array(profile), 36), PAINT, (0, 0.4, 0), tint=tint)
     for share in (0.25, 0.5, 0.75):
         model.add(solids.torus(radius + 0.004, 0.018, 36, 6), STEEL, (0, 0.4 + share * tall, 0))
     for angle in np.arange(4) * (0.5 * np.pi) + 0.78:

@@ -1,10 +1,11 @@
-"""Collects what a generated scene consists of: parts, and many copies of few unit shapes."""
+"""The model of a generated scene: its parts, and many copies of few unit shapes."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -12,9 +13,8 @@ from numpy.typing import ArrayLike
 
 from ssgi_cl.core.scene import Material, Scene
 
-from ...normals import DEFAULT_CREASE_ANGLE
 from ...parts import Part, assemble, complete
-from ..scatter import Doubles, copies, rotation
+from ..scatter import Doubles, about_y, copies
 from ..shapes import box, of_material
 from . import solids
 
@@ -38,7 +38,7 @@ COLOURS: tuple[Doubles, ...] = tuple(np.array(
      (0.82, 0.78, 0.70), (0.60, 0.43, 0.28), (0.36, 0.37, 0.40), (0.80, 0.44, 0.20),
      (0.55, 0.30, 0.50), (0.30, 0.60, 0.62)]
 ))  # fmt: skip
-"""Of painted things, as factors of `PAINT`."""
+"""Colours of painted surfaces, as factors of `PAINT`."""
 
 _UNITS: dict[str, Callable[[], Part]] = {
     "box": lambda: box((-0.5, -0.5, -0.5), (0.5, 0.5, 0.5)),
@@ -49,16 +49,14 @@ _UNITS: dict[str, Callable[[], Part]] = {
     "cone": lambda: solids.cone(14),
     "ball": lambda: solids.sphere(16),
     "cushion": solids.cushion,
-    "octahedron": solids.octahedron,
+    "octahedron": lambda: solids.sphere(4),
 }
-_DONE: dict[str, Part] = {}
 
 
+@cache
 def unit(name: str) -> Part:
     """Return a unit shape with its normals."""
-    if name not in _DONE:
-        _DONE[name] = complete(_UNITS[name](), DEFAULT_CREASE_ANGLE)
-    return _DONE[name]
+    return complete(_UNITS[name]())
 
 
 class Model:
@@ -74,7 +72,7 @@ class Model:
     def at(self, place: ArrayLike, turn: float = 0.0, tilt: Doubles | None = None) -> Iterator[None]:
         """Place what is added inside at `place`, turned about y by `turn` radians (+z to +x)."""
         before = self._turn, self._place
-        spin = rotation((0.0, 1.0, 0.0), turn)[0]
+        spin = about_y(turn)
         self._place = self._place + self._turn @ np.asarray(place, np.float64)
         self._turn = self._turn @ (spin if tilt is None else spin @ tilt)
         try:
@@ -93,12 +91,10 @@ class Model:
         tint: ArrayLike = 1.0,
     ) -> None:
         """Add a copy of a unit shape, scaled by `size` along its own axes, then turned."""
-        own = np.eye(3) if turn is None else turn
-        self._placed.setdefault(shape, []).append((
-            self._place + self._turn @ np.asarray(place, np.float64), self._turn @ own,
-            np.broadcast_to(np.asarray(size, np.float64), 3), material,
-            np.broadcast_to(np.asarray(tint, np.float64), 3),
-        ))  # fmt: skip
+        at = self._place + self._turn @ np.asarray(place, np.float64)
+        turned = self._turn @ (np.eye(3) if turn is None else turn)
+        scale, color = (np.broadcast_to(np.asarray(values, np.float64), 3) for values in (size, tint))
+        self._placed.setdefault(shape, []).append((at, turned, scale, material, color))
 
     def box(self, least: ArrayLike, greatest: ArrayLike, material: int, tint: ArrayLike = 1.0) -> None:
         """Add the box between two corners."""
@@ -140,15 +136,9 @@ class Model:
         closed: bool = True,
     ) -> None:
         """Add a part; `closed` tells whether it bounds a volume."""
-        self.scatter(
-            part,
-            material,
-            np.broadcast_to(np.asarray(place, np.float64), (1, 3)),
-            turns=None if turn is None else turn[None],
-            scales=np.broadcast_to(np.asarray(scale, np.float64), (1, 3)),
-            tints=np.broadcast_to(np.asarray(tint, np.float64), (1, 3)),
-            closed=closed,
-        )
+        places, scales, tints = (np.broadcast_to(np.asarray(v, np.float64), (1, 3)) for v in (place, scale, tint))
+        turns = None if turn is None else turn[None]
+        self.scatter(part, material, places, turns=turns, scales=scales, tints=tints, closed=closed)
 
     def scatter(
         self,
@@ -162,7 +152,7 @@ class Model:
         closed: bool = True,
     ) -> None:
         """Add copies of a part; the arguments are those of `scatter.copies`."""
-        done = part if part.normals is not None else complete(part, DEFAULT_CREASE_ANGLE)
+        done = part if part.normals is not None else complete(part)
         count = len(places)
         own = np.broadcast_to(np.eye(3), (count, 3, 3)) if turns is None else turns
         made = copies(done, self._place + places @ self._turn.T, turns=self._turn @ own, scales=scales, tints=tints)
@@ -183,7 +173,7 @@ class Model:
 
     def scene(self) -> Scene:
         """Return the scene of all parts."""
-        return assemble([part for part, _ in self.parts()], MATERIALS, (), crease_angle=DEFAULT_CREASE_ANGLE)
+        return assemble([part for part, _ in self.parts()], MATERIALS)
 
 
 def upright_to(way: ArrayLike) -> Doubles:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...normals import DEFAULT_CREASE_ANGLE
 from ...parts import Part, complete
-from ..scatter import Doubles, rotation
+from ..scatter import Doubles, about_y, rotation
 from ..shapes import mesh
 from .chance import Chance
 from .model import LEAF, WOOD, Model, upright_to
@@ -16,7 +15,7 @@ def leaf() -> Part:
     """Return a leaf 1 long along +z, folded along its middle: four triangles, facing up."""
     points = [(0, 0, 0), (0.28, 0.07, 0.4), (0, 0.0, 0.45), (-0.28, 0.07, 0.4), (0, -0.1, 1.0)]
     part = mesh(points, [(0, 2, 1), (2, 4, 1), (0, 3, 2), (2, 3, 4)], name="leaf")
-    return complete(part, DEFAULT_CREASE_ANGLE)
+    return complete(part)
 
 
 def blade() -> Part:
@@ -27,7 +26,7 @@ def blade() -> Part:
     left, right = np.stack([-half, y, z], axis=1), np.stack([half, y, z], axis=1)
     points = np.concatenate([left[:3], right[:3], left[3:]])
     triangles = [(0, 3, 4), (0, 4, 1), (1, 4, 5), (1, 5, 2), (2, 5, 6)]
-    return complete(mesh(points, triangles, name="blade"), DEFAULT_CREASE_ANGLE)
+    return complete(mesh(points, triangles, name="blade"))
 
 
 def turned_anyhow(chance: Chance, count: int, tilt: float) -> Doubles:
@@ -75,15 +74,8 @@ def tree(model: Model, chance: Chance, high: float, leaves: int) -> None:
     at = at + chance.uniforms(-spread, spread, leaves, 3)
     size = chance.uniforms(0.7, 1.3, leaves) * high * 0.035
     tint = chance.uniforms(0.8, 1.3, 3)
-    model.scatter(
-        leaf(),
-        LEAF,
-        at,
-        turns=turned_anyhow(chance, leaves, 0.9),
-        scales=size,
-        tints=shades(chance, leaves, tint),
-        closed=False,
-    )
+    turns, tints = turned_anyhow(chance, leaves, 0.9), shades(chance, leaves, tint)
+    model.scatter(leaf(), LEAF, at, turns=turns, scales=size, tints=tints, closed=False)
 
 
 def bush(model: Model, chance: Chance, radius: float, leaves: int) -> None:
@@ -96,15 +88,9 @@ def bush(model: Model, chance: Chance, radius: float, leaves: int) -> None:
     away = radius * chance.uniforms(0.15, 1.0, leaves, 1) ** (1.0 / 2.0)
     at = direction * away * [1.0, 0.75, 1.0] + [0.0, 0.75 * radius, 0.0]
     size = radius * chance.uniforms(0.12, 0.24, leaves)
-    model.scatter(
-        leaf(),
-        LEAF,
-        at,
-        turns=turned_anyhow(chance, leaves, 0.8),
-        scales=size,
-        tints=shades(chance, leaves, chance.uniforms(0.7, 1.2, 3)),
-        closed=False,
-    )
+    turns = turned_anyhow(chance, leaves, 0.8)
+    tints = shades(chance, leaves, chance.uniforms(0.7, 1.2, 3))
+    model.scatter(leaf(), LEAF, at, turns=turns, scales=size, tints=tints, closed=False)
 
 
 def fern(model: Model, chance: Chance, size: float) -> None:
@@ -112,7 +98,7 @@ def fern(model: Model, chance: Chance, size: float) -> None:
     fronds, pairs = chance.whole(6, 10), 11
     share = (np.arange(pairs) + 1.0) / pairs
     for i in range(fronds):
-        spin = rotation((0, 1, 0), 6.28 * i / fronds + chance.uniform(-0.3, 0.3))[0]
+        spin = about_y(6.28 * i / fronds + chance.uniform(-0.3, 0.3))
         long = size * chance.uniform(0.7, 1.1)
         path = np.stack([0 * share, 0.9 * share - 0.75 * share**2, 0.85 * share], axis=1) * long
         model.rope(np.concatenate([[[0, 0, 0]], path])[::3] @ spin.T, 0.006 * long, LEAF)
@@ -120,27 +106,13 @@ def fern(model: Model, chance: Chance, size: float) -> None:
         turns = spin @ rotation((0, 1, 0), sides)
         at = np.concatenate([path, path]) @ spin.T
         width = long * 0.3 * np.sin(np.pi * np.clip(np.tile(share, 2), 0.12, 0.97)) ** 0.8
-        model.scatter(
-            leaf(),
-            LEAF,
-            at,
-            turns=turns,
-            scales=width,
-            closed=False,
-            tints=shades(chance, 2 * pairs, np.array((0.8, 1.1, 0.7))),
-        )
+        tints = shades(chance, 2 * pairs, np.array((0.8, 1.1, 0.7)))
+        model.scatter(leaf(), LEAF, at, turns=turns, scales=width, tints=tints, closed=False)
 
 
 def grass(model: Model, chance: Chance, at: Doubles, high: float) -> None:
     """Add a blade of grass at each of `at` [n, 3], about as high as said."""
     count = len(at)
     size = high * chance.uniforms(0.5, 1.2, count)
-    model.scatter(
-        blade(),
-        LEAF,
-        at,
-        turns=turned_anyhow(chance, count, 0.25),
-        scales=size,
-        tints=shades(chance, count, np.array((1.1, 1.1, 0.8))),
-        closed=False,
-    )
+    turns, tints = turned_anyhow(chance, count, 0.25), shades(chance, count, np.array((1.1, 1.1, 0.8)))
+    model.scatter(blade(), LEAF, at, turns=turns, scales=size, tints=tints, closed=False)

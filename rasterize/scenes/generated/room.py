@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 
-from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight
+from ssgi_cl.core.lights import PointLight
 
-from ..scatter import rotation
+from ..scatter import about_x
 from ..shapes import quad
 from . import furniture, solids
 from .chance import Chance
-from .draft import Draft, Ground
+from .draft import Draft, Ground, indoor_lights, inside_views
 from .model import CLOTH, COLOURS, IRON, PAINT, PLASTER, STEEL, WOOD, Model
-from .views import Candidate
 
 _THICK = 0.15
 
@@ -29,37 +27,12 @@ def room(chance: Chance) -> Draft:
     _fittings(model, chance, wide, deep, high, closed)
     _along_walls(model, chance, ground, wide, deep, high, closed)
     _middle(model, chance, ground, wide, deep, closed)
-    if chance.yes(0.6):
-        sun = DirectionalLight((-0.8, -0.55, chance.uniform(-0.3, 0.3)), (14.0, 12.5, 10.0))
-        lights: tuple[Light, ...] = (sun, Environment((0.9, 0.95, 1.05)))
-    else:
-        lamp = PointLight((0.1 * wide, high - 0.5, 0.1 * deep), (9.0, 8.0, 6.5), 0.05)
-        lights = (lamp, Environment((0.35, 0.38, 0.42)))
-    return Draft(
-        model=model,
-        candidates=_candidates(chance, wide, deep, high),
-        lights=lights,
-        ao_radius=chance.pick((0.25, 0.4, 0.5)),
-        yfov=chance.uniform(0.85, 1.1),
-        clearance=0.25,
-        coverage=0.9,
-    )
-
-
-def _candidates(chance: Chance, wide: float, deep: float, high: float) -> Iterator[Candidate]:
-    """Yield views from near the corners across the room, and close to what stands in it."""
-    start = chance.uniform(0.0, 2.0 * np.pi)
-    for i in range(60):
-        angle = start + 2.4 * i  # the golden angle: views differ
-        far = 0.42 if i % 3 else 0.2
-        x, z = far * wide * np.cos(angle), far * deep * np.sin(angle)
-        eye = (float(x), chance.uniform(0.9, min(1.8, high - 0.5)), float(z))
-        target = (
-            -0.4 * eye[0] + chance.uniform(-0.6, 0.6),
-            chance.uniform(0.3, 1.1),
-            -0.4 * eye[2] + chance.uniform(-0.6, 0.6),
-        )
-        yield Candidate(eye, target)
+    lamp = PointLight((0.1 * wide, high - 0.5, 0.1 * deep), (9.0, 8.0, 6.5), 0.05)
+    lights = indoor_lights(chance, 0.3, lamp)
+    heights, aims = (0.9, min(1.8, high - 0.5)), (0.3, 1.1)
+    views = inside_views(chance, wide, deep, 60, far=(0.42, 0.2), eye=heights, target=aims, spread=0.6)
+    reach, yfov = chance.pick((0.25, 0.4, 0.5)), chance.uniform(0.85, 1.1)
+    return Draft(model, views, lights, ao_radius=reach, yfov=yfov, clearance=0.25, coverage=0.9)
 
 
 def _shell(model: Model, chance: Chance, wide: float, deep: float, high: float, closed: bool) -> None:
@@ -68,6 +41,7 @@ def _shell(model: Model, chance: Chance, wide: float, deep: float, high: float, 
     start, end = -0.3 * deep, chance.uniform(0.0, 0.3) * deep
     sill, top = chance.uniform(0.5, 0.95), high - chance.uniform(0.25, 0.5)
     tint = chance.uniforms(0.8, 1.1, 3)
+    round_window = ((top, -z), (high, z)), ((sill, -z), (top, start)), ((sill, end), (top, z))
     if closed:
         t = _THICK
         model.box((-x - t, -0.3, -z - t), (x + t, -0.04, z + t), PLASTER)
@@ -75,13 +49,8 @@ def _shell(model: Model, chance: Chance, wide: float, deep: float, high: float, 
         model.box((-x - t, -0.04, -z - t), (x + t, high, -z), PLASTER, tint)
         model.box((-x - t, -0.04, z), (x + t, high, z + t), PLASTER, tint)
         model.box((-x - t, -0.04, -z), (-x, high, z), PLASTER, tint)
-        for low, up in (
-            ((-0.04, -z), (sill, z)),
-            ((top, -z), (high, z)),
-            ((sill, -z), (top, start)),
-            ((sill, end), (top, z)),
-        ):
-            model.box((x, low[0], low[1]), (x + t, up[0], up[1]), PLASTER, tint)
+        for (y0, z0), (y1, z1) in (((-0.04, -z), (sill, z)), *round_window):
+            model.box((x, y0, z0), (x + t, y1, z1), PLASTER, tint)
         _boards(model, chance, x, z)
     else:
 
@@ -93,12 +62,7 @@ def _shell(model: Model, chance: Chance, wide: float, deep: float, high: float, 
         wall((-x, 0, -z), (x, 0, -z), (x, high, -z), (-x, high, -z))
         wall((x, 0, z), (-x, 0, z), (-x, high, z), (x, high, z))
         wall((-x, 0, z), (-x, 0, -z), (-x, high, -z), (-x, high, z))
-        for (y0, z0), (y1, z1) in (
-            ((0, -z), (sill, z)),
-            ((top, -z), (high, z)),
-            ((sill, -z), (top, start)),
-            ((sill, end), (top, z)),
-        ):
+        for (y0, z0), (y1, z1) in (((0, -z), (sill, z)), *round_window):
             wall((x, y0, z0), (x, y0, z1), (x, y1, z1), (x, y1, z0))
     bars = chance.whole(1, 4)
     for place in np.linspace(start, end, bars + 2):
@@ -125,23 +89,16 @@ def _boards(model: Model, chance: Chance, x: float, z: float) -> None:
         low = -z + row * 2 * z / rows
         cuts = np.arange(-x + chance.uniform(0.2, 1.0) * length, x - 0.1, length)
         for left, right in pairwise([-x, *cuts, x]):
-            model.box(
-                (left, -0.04, low),
-                (right - 0.004, chance.uniform(-0.002, 0.0), low + 2 * z / rows - 0.004),
-                WOOD,
-                chance.uniform(0.75, 1.15),
-            )
+            up = (right - 0.004, chance.uniform(-0.002, 0.0), low + 2 * z / rows - 0.004)
+            model.box((left, -0.04, low), up, WOOD, chance.uniform(0.75, 1.15))
 
 
 def _fittings(model: Model, chance: Chance, wide: float, deep: float, high: float, closed: bool) -> None:
     """Add skirting, a door, pictures, pipes, wires and what hangs from the ceiling."""
     x, z = 0.5 * wide, 0.5 * deep
-    for low, up in (
-        ((-x, 0, -z), (x, 0.1, -z + 0.015)),
-        ((-x, 0, z - 0.015), (x, 0.1, z)),
-        ((-x, 0, -z), (-x + 0.015, 0.1, z)),
-    ):
-        model.box(low, up, PAINT)
+    model.box((-x, 0, -z), (x, 0.1, -z + 0.015), PAINT)
+    model.box((-x, 0, z - 0.015), (x, 0.1, z), PAINT)
+    model.box((-x, 0, -z), (-x + 0.015, 0.1, z), PAINT)
     door = chance.uniform(-0.3, 0.3) * wide
     model.box((door - 0.45, 0, z - 0.04), (door + 0.45, 2.05, z - 0.016), WOOD)
     for side in (-0.5, 0.5):
@@ -187,38 +144,26 @@ def _along_walls(
     model: Model, chance: Chance, ground: Ground, wide: float, deep: float, high: float, closed: bool
 ) -> None:
     """Put furniture with its back to the walls of -z, -x, +x and +z."""
-    walls = (
-        (0.0, wide, 0.5 * deep),
-        (0.5 * np.pi, deep, 0.5 * wide),
-        (-0.5 * np.pi, deep, 0.5 * wide),
-        (np.pi, wide, 0.5 * deep),
-    )
-    for angle, length, away in walls:
+    half_pi = 0.5 * np.pi
+    kinds = ("shelves", "cabinet", "sofa", "radiator", "rods", "ladder", "plant", "table", "rack", "lamp")
+    for angle in (0.0, half_pi, -half_pi, np.pi):
+        length, away = (deep, 0.5 * wide) if abs(angle) == half_pi else (wide, 0.5 * deep)
         for _ in range(chance.whole(4, 7)):
-            kind = chance.pick(
-                ("shelves", "cabinet", "sofa", "radiator", "rods", "ladder", "plant", "table", "rack", "lamp")
-            )
+            kind = chance.pick(kinds)
             w, d = {
-                "shelves": (chance.uniform(0.7, 1.6), 0.34),
-                "sofa": (1.8, 0.85),
-                "cabinet": (chance.uniform(0.6, 1.5), 0.45),
-                "radiator": (1.0, 0.16),
-                "rods": (0.6, 0.45),
-                "ladder": (0.45, 0.6),
-                "plant": (0.5, 0.5),
-                "table": (1.3, 0.65),
-                "rack": (0.8, 0.62),
+                "shelves": (chance.uniform(0.7, 1.6), 0.34), "sofa": (1.8, 0.85),
+                "cabinet": (chance.uniform(0.6, 1.5), 0.45), "radiator": (1.0, 0.16), "rods": (0.6, 0.45),
+                "ladder": (0.45, 0.6), "plant": (0.5, 0.5), "table": (1.3, 0.65), "rack": (0.8, 0.62),
                 "lamp": (0.42, 0.42),
-            }[kind]
+            }[kind]  # fmt: skip
             along = chance.uniform(-0.5, 0.5) * (length - w - 0.2)
             inward = away - 0.03 - 0.5 * d
             turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
             x, z = turn @ (along, -inward)
             size = (w, d) if abs(np.cos(angle)) > 0.5 else (d, w)
-            if not ground.take(float(x), float(z), *size):
-                continue
-            with model.at((x, 0.0, z), angle):
-                _piece(model, chance, kind, w, d, high, closed)
+            if ground.take(float(x), float(z), *size):
+                with model.at((x, 0.0, z), angle):
+                    _piece(model, chance, kind, w, d, high, closed)
 
 
 def _piece(model: Model, chance: Chance, kind: str, w: float, d: float, high: float, closed: bool) -> None:
@@ -255,27 +200,21 @@ def _middle(model: Model, chance: Chance, ground: Ground, wide: float, deep: flo
                 with model.at(seat, angle + chance.uniform(-0.3, 0.3)):
                     furniture.chair(model, chance)
     inner = (-0.42 * wide, 0.42 * wide, -0.42 * deep, 0.42 * deep)
-    for _ in range(chance.whole(5, 12)):
-        place = ground.find(chance, inner, 0.4, 0.4)
-        if place is not None:
-            with model.at((place[0], 0.0, place[1]), chance.uniform(0.0, 6.28)):
-                furniture.clutter(model, chance)
-    if chance.yes(0.5):
-        place = ground.find(chance, inner, 0.7, 0.7)
-        if place is not None:
-            with model.at((place[0], 0.0, place[1]), chance.uniform(0.0, 6.28)):
-                _wheel(model, chance)
+    for x, z in ground.places(chance, inner, 0.4, 0.4, chance.whole(5, 12)):
+        with model.at((x, 0.0, z), chance.uniform(0.0, 6.28)):
+            furniture.clutter(model, chance)
+    for x, z in ground.places(chance, inner, 0.7, 0.7, int(chance.yes(0.5))):
+        with model.at((x, 0.0, z), chance.uniform(0.0, 6.28)):
+            _wheel(model, chance)
 
 
 def _wheel(model: Model, chance: Chance) -> None:
     """Add a large wheel with thin spokes on a stand."""
     radius = chance.uniform(0.28, 0.4)
-    upright = rotation((1.0, 0.0, 0.0), 0.5 * np.pi)[0]
-    model.add(solids.torus(radius, 0.018, 40), IRON, (0, radius + 0.1, 0), turn=upright)
+    model.add(solids.torus(radius, 0.018, 40), IRON, (0, radius + 0.1, 0), turn=about_x(0.5 * np.pi))
     for angle in np.arange(20) * (np.pi / 10):
         tip = (radius * np.cos(angle), radius + 0.1 + radius * np.sin(angle), 0)
         model.bar((0, radius + 0.1, 0.03 * (-1) ** round(angle / (np.pi / 10))), tip, 0.0018, STEEL, sides=5)
     model.bar((0, radius + 0.1, -0.07), (0, radius + 0.1, 0.07), 0.02, STEEL)
-    for z in (-0.07, 0.07):
-        for x in (-0.2, 0.2):
-            model.bar((x, 0, 2 * z), (0, radius + 0.1, z), 0.008, IRON)
+    for z, x in product((-0.07, 0.07), (-0.2, 0.2)):
+        model.bar((x, 0, 2 * z), (0, radius + 0.1, z), 0.008, IRON)

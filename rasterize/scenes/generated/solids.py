@@ -1,4 +1,4 @@
-"""Closed surfaces that generated scenes are made of, with outward normals; metres."""
+"""Shapes of generated scenes: closed surfaces with outward normals, sheets, the ground; metres."""
 
 from __future__ import annotations
 
@@ -32,11 +32,6 @@ def sphere(segments: int) -> Part:
     return lathe([(0.0, -1.0), *inner, (0.0, 1.0)], segments)
 
 
-def octahedron() -> Part:
-    """Return the octahedron with corners at distance 1 along the axes."""
-    return sphere(4)
-
-
 def cushion(roundness: float = 0.45, segments: int = 20) -> Part:
     """Return a rounded box from -1 to 1 along each axis (a superellipsoid).
 
@@ -52,10 +47,8 @@ def cushion(roundness: float = 0.45, segments: int = 20) -> Part:
     up = np.linspace(-0.5 * np.pi, 0.5 * np.pi, segments // 2 + 1)[:, None]
     along = np.arange(segments)[None, :] * (2.0 * np.pi / segments)
     ring = power(np.where(np.abs(np.cos(up)) < 1e-9, 0.0, np.cos(up)))
-    points = np.stack(
-        [ring * power(np.cos(along)), power(np.sin(up)) + 0.0 * along,
-         -ring * power(np.sin(along))], axis=-1,
-    )  # fmt: skip
+    x, z = ring * power(np.cos(along)), -ring * power(np.sin(along))
+    points = np.stack([x, power(np.sin(up)) + 0.0 * along, z], axis=-1)
     return grid(points, closed=True, name="cushion")
 
 
@@ -114,9 +107,7 @@ def sheet(points: Doubles, thickness: float) -> Part:
     both = np.concatenate([points.reshape(-1, 3), (points - thickness * normal).reshape(-1, 3)])
     number = np.arange(rows * columns).reshape(rows, columns)
     front = grid(points).triangles
-    rim = np.concatenate([
-        number[0, :], number[1:, -1], number[-1, -2::-1], number[-2:0:-1, 0]
-    ])  # fmt: skip
+    rim = np.concatenate([number[0, :], number[1:, -1], number[-1, -2::-1], number[-2:0:-1, 0]])
     after = np.roll(rim, -1)
     behind = rows * columns
     border = np.concatenate([
@@ -160,3 +151,14 @@ def height_field(side: Doubles, height: Height, across: Doubles | None = None) -
     depth = side if across is None else across
     x, z = np.meshgrid(side, depth[::-1])
     return grid(np.stack([x, height(x, z), z], axis=-1), name="ground")
+
+
+def on_ground(height: Height, x: float, z: float) -> tuple[float, float, float]:
+    """Return the point of the ground at (x, z)."""
+    return float(x), float(height(np.array(x), np.array(z))), float(z)
+
+
+def all_on_ground(height: Height, spots: Doubles, above: float | Doubles = 0.0) -> Doubles:
+    """Return [n, 3] points over `spots` [n, 2], x and z, at a distance above the ground."""
+    x, z = spots.T
+    return np.stack([x, height(x, z) + above, z], axis=1)

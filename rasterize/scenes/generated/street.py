@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 
 from ssgi_cl.core.lights import DirectionalLight, Environment
 
-from ..scatter import rotation
+from ..scatter import about_x
 from . import solids
 from . import street_things as things
 from .chance import Chance
@@ -38,13 +40,8 @@ def street(chance: Chance) -> Draft:
                 _house(model, chance, 2.0 * (half + walk))
     for z in np.arange(-9.0, 10.0, chance.uniform(5.0, 9.0)):
         y = chance.uniform(4.5, 6.0)
-        model.sag(
-            (-half - walk, y, z),
-            (half + walk, y + 0.3, z + chance.uniform(-2, 2)),
-            0.5,
-            chance.uniform(0.005, 0.015),
-            IRON,
-        )
+        across = (half + walk, y + 0.3, z + chance.uniform(-2, 2))
+        model.sag((-half - walk, y, z), across, 0.5, chance.uniform(0.005, 0.015), IRON)
     low = -chance.uniform(0.7, 1.2)
     sun = DirectionalLight((chance.uniform(-0.7, 0.7), low, chance.uniform(-0.6, 0.2)), (17.0, 15.5, 13.0))
     views = []
@@ -53,21 +50,10 @@ def street(chance: Chance) -> Draft:
         x = side * chance.uniform(0.1, 1.0) * (half + 0.6 * walk)
         z = chance.uniform(3.0, 10.0) * (-1.0 if i % 3 == 2 else 1.0)
         eye = (x, chance.uniform(1.1, 2.0) if i % 4 else chance.uniform(2.8, 3.8), z)
-        target = (
-            -side * chance.uniform(0.2, 1.2) * half,
-            chance.uniform(0.5, 1.6),
-            z - np.sign(z) * chance.uniform(4.0, 8.0),
-        )
-        views.append(Candidate(eye, (target[0], target[1], float(target[2]))))
-    return Draft(
-        model=model,
-        candidates=views,
-        lights=(sun, Environment((0.85, 1.0, 1.25))),
-        ao_radius=chance.pick((0.5, 0.8, 1.2)),
-        yfov=chance.uniform(0.8, 1.05),
-        clearance=0.4,
-        coverage=0.75,
-    )
+        aim_x, aim_y = -side * chance.uniform(0.2, 1.2) * half, chance.uniform(0.5, 1.6)
+        views.append(Candidate(eye, (aim_x, aim_y, float(z - np.sign(z) * chance.uniform(4.0, 8.0)))))
+    lights, reach = (sun, Environment((0.85, 1.0, 1.25))), chance.pick((0.5, 0.8, 1.2))
+    return Draft(model, views, lights, ao_radius=reach, yfov=chance.uniform(0.8, 1.05), clearance=0.4, coverage=0.75)
 
 
 def _road(model: Model, chance: Chance, half: float, walk: float) -> None:
@@ -75,29 +61,17 @@ def _road(model: Model, chance: Chance, half: float, walk: float) -> None:
     end = 0.5 * _LENGTH
     model.box((-half - walk - 4, -0.6, -end - 3), (half + walk + 4, -0.14, end + 3), ASPHALT)
     if chance.yes(0.4):  # setts
-        for x in np.arange(-half, half, 0.5):
-            for z in np.arange(-end, end, 0.5):
-                model.put(
-                    "box",
-                    (x + 0.25, -0.13 + chance.uniform(-0.01, 0.01), z + 0.25),
-                    (0.47, 0.06, 0.47),
-                    STONE,
-                    tint=chance.uniform(0.5, 0.75),
-                )
-    for side in (-1.0, 1.0):
-        for z in np.arange(-end, end, 1.0):
-            model.put(
-                "box", (side * (half + 0.07), -0.1, z + 0.5), (0.14, 0.24, 0.985), STONE, tint=chance.uniform(0.8, 1.0)
-            )
-            for x in np.arange(0.16, walk, 0.5):
-                deep = min(0.5, walk - x)
-                model.put(
-                    "box",
-                    (side * (half + x + 0.5 * deep), -0.05, z + 0.5),
-                    (deep - 0.01, 0.1 + chance.uniform(-0.006, 0.006), 0.985),
-                    STONE,
-                    tint=chance.uniform(0.75, 0.95),
-                )
+        for x, z in product(np.arange(-half, half, 0.5), np.arange(-end, end, 0.5)):
+            place = (x + 0.25, -0.13 + chance.uniform(-0.01, 0.01), z + 0.25)
+            model.put("box", place, (0.47, 0.06, 0.47), STONE, tint=chance.uniform(0.5, 0.75))
+    for side, z in product((-1.0, 1.0), np.arange(-end, end, 1.0)):
+        place, tint = (side * (half + 0.07), -0.1, z + 0.5), chance.uniform(0.8, 1.0)
+        model.put("box", place, (0.14, 0.24, 0.985), STONE, tint=tint)
+        for x in np.arange(0.16, walk, 0.5):
+            deep = min(0.5, walk - x)
+            size = (deep - 0.01, 0.1 + chance.uniform(-0.006, 0.006), 0.985)
+            place, tint = (side * (half + x + 0.5 * deep), -0.05, z + 0.5), chance.uniform(0.75, 0.95)
+            model.put("box", place, size, STONE, tint=tint)
     model.put("bar28", (0.3 * half, -0.14, 1.0), (0.35, 0.02, 0.35), IRON)
     model.put("bar28", (-0.4 * half, -0.14, -5.0), (0.35, 0.02, 0.35), IRON)
 
@@ -124,13 +98,11 @@ def _house(model: Model, chance: Chance, wide: float) -> None:
         for i in range(count):
             middle = -half + (i + 0.5) * wide / count
             is_door = storey == 0 and i == door
-            start = low if is_door or not storey else low + sill
-            edges += [middle - 0.5 * opening, middle + 0.5 * opening]
+            start = low if is_door else low + sill
+            left, right = middle - 0.5 * opening, middle + 0.5 * opening
+            edges += [left, right]
             if storey == 0 and not is_door:
-                model.box(
-                    (middle - 0.5 * opening, low - 0.3, -thick), (middle + 0.5 * opening, low + sill, 0), wall, tint
-                )
-                start = low + sill
+                model.box((left, low - 0.3, -thick), (right, low + sill, 0), wall, tint)
             with model.at((middle, start, 0.0)):
                 if is_door:
                     _door(model, chance, opening, top - start)
@@ -169,9 +141,7 @@ def _window(model: Model, chance: Chance, wide: float, high: float, storey: int)
             x = side * (half + 0.02 + 0.25 * wide)
             model.box((x - 0.24 * wide, 0, 0.005), (x + 0.24 * wide, high, 0.02), PAINT, tint)
             for y in np.arange(0.05, high - 0.05, 0.09):
-                model.put(
-                    "box", (x, y, 0.03), (0.42 * wide, 0.06, 0.012), PAINT, tint=tint, turn=rotation((1, 0, 0), 0.5)[0]
-                )
+                model.put("box", (x, y, 0.03), (0.42 * wide, 0.06, 0.012), PAINT, tint=tint, turn=about_x(0.5))
     elif kind == 1 and storey:
         model.box((-half, 0.0, 0.0), (half, 0.14, 0.16), PAINT, (0.7, 0.35, 0.2))
         for _ in range(12):
@@ -188,9 +158,8 @@ def _door(model: Model, chance: Chance, wide: float, high: float) -> None:
     """Add a panelled door with steps."""
     half, tint = 0.5 * wide, chance.pick(COLOURS)
     model.box((-half, 0, -0.22), (half, high, -0.16), WOOD, tint)
-    for x in (-0.25 * wide, 0.25 * wide):
-        for y in (0.1, 0.4, 0.7):
-            model.box((x - 0.18 * wide, y * high, -0.16), (x + 0.18 * wide, (y + 0.24) * high, -0.14), WOOD, tint)
+    for x, y in product((-0.25 * wide, 0.25 * wide), (0.1, 0.4, 0.7)):
+        model.box((x - 0.18 * wide, y * high, -0.16), (x + 0.18 * wide, (y + 0.24) * high, -0.14), WOOD, tint)
     for step in range(2):
         model.box((-half - 0.1, -0.05, 0), (half + 0.1, 0.14 - 0.07 * step, 0.25 + 0.25 * step), STONE)
 
@@ -203,9 +172,8 @@ def _balcony(model: Model, chance: Chance, wide: float, y: float) -> None:
     radius = chance.uniform(0.005, 0.01)
     for x in np.arange(-half + 0.04, half, gap):
         model.bar((x, y, out - 0.04), (x, y + 0.9, out - 0.04), radius, IRON, sides=5)
-    for z in np.arange(0.05, out, gap):
-        for x in (-half + 0.04, half - 0.04):
-            model.bar((x, y, z), (x, y + 0.9, z), radius, IRON, sides=5)
+    for z, x in product(np.arange(0.05, out, gap), (-half + 0.04, half - 0.04)):
+        model.bar((x, y, z), (x, y + 0.9, z), radius, IRON, sides=5)
     model.bar((-half, y + 0.9, out - 0.04), (half, y + 0.9, out - 0.04), 0.02, IRON)
     for x in (-half + 0.04, half - 0.04):
         model.bar((x, y + 0.9, 0), (x, y + 0.9, out), 0.02, IRON)
@@ -229,22 +197,12 @@ def _furnish(model: Model, chance: Chance, ground: Ground, side: float, half: fl
         ground.take(0.0, z, 0.4, 0.4)
         with model.at((side * kerb, 0.0, z), -side * 0.5 * np.pi):
             things.street_light(model, chance)
-    for kind, number in (
-        (things.waste_bin, 3),
-        (things.bench, 2),
-        (things.bicycle, 2),
-        (things.bollards, 2),
-        (things.crates, 2),
-    ):
-        for _ in range(chance.whole(0, number)):
-            place = ground.find(chance, (-0.1, 0.1, -10.0, 10.0), 0.2, 2.0)
-            if place is not None:
-                with model.at((side * (half + 0.5), 0.0, place[1]), -side * 0.5 * np.pi):
-                    kind(model, chance)
-    cars = Ground()
-    for _ in range(chance.whole(0, 3)):
-        place = cars.find(chance, (-0.1, 0.1, -10.0, 9.0), 0.2, 5.0)
-        if place is not None:
-            turn = 0.0 if chance.yes(0.5) else np.pi
-            with model.at((side * (half - 1.05), -0.14, place[1]), turn):
-                things.car(model, chance)
+    small = (things.waste_bin, 3), (things.bench, 2), (things.bicycle, 2), (things.bollards, 2), (things.crates, 2)
+    for kind, number in small:
+        for _, z in ground.places(chance, (-0.1, 0.1, -10.0, 10.0), 0.2, 2.0, chance.whole(0, number)):
+            with model.at((side * (half + 0.5), 0.0, z), -side * 0.5 * np.pi):
+                kind(model, chance)
+    for _, z in Ground().places(chance, (-0.1, 0.1, -10.0, 9.0), 0.2, 5.0, chance.whole(0, 3)):
+        turn = 0.0 if chance.yes(0.5) else np.pi
+        with model.at((side * (half - 1.05), -0.14, z), turn):
+            things.car(model, chance)

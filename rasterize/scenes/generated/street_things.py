@@ -1,12 +1,11 @@
-"""What stands in streets: lamps, bins, benches, bicycles, bollards, crates, cars; facing +z."""
+"""Furniture of streets, facing +z: lamps, bins, benches, bicycles, bollards, crates, cars."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from ...normals import DEFAULT_CREASE_ANGLE
 from ...parts import complete
-from ..scatter import rotation
+from ..scatter import about_x, rotation
 from . import furniture, solids
 from .chance import Chance
 from .model import COLOURS, GLASS, IRON, PAINT, STEEL, WOOD, Model
@@ -43,23 +42,16 @@ def bench(model: Model, chance: Chance) -> None:
 
 def bicycle(model: Model, chance: Chance) -> None:
     """Add a bicycle: two wheels with thin spokes and a frame of tubes."""
-    upright = rotation((1.0, 0.0, 0.0), 0.5 * np.pi)[0]
-    lean = rotation((1.0, 0.0, 0.0), 0.12)[0]
-    tint = chance.pick(COLOURS)
-    with model.at((0, 0, 0.1), 0.0, lean):
+    upright, tint = about_x(0.5 * np.pi), chance.pick(COLOURS)
+    with model.at((0, 0, 0.1), 0.0, about_x(0.12)):
         for x in (-0.52, 0.52):
             model.add(solids.torus(0.32, 0.017, 36, 6), IRON, (x, 0.34, 0), turn=upright)
             for angle in np.arange(16) * (np.pi / 8):
                 tip = (x + 0.31 * np.cos(angle), 0.34 + 0.31 * np.sin(angle), 0)
                 model.bar((x, 0.34, 0.0), tip, 0.0015, STEEL, sides=5)
-        for start, end in (
-            ((-0.52, 0.34), (-0.05, 0.3)),
-            ((-0.05, 0.3), (0.38, 0.75)),
-            ((-0.05, 0.3), (-0.2, 0.8)),
-            ((-0.2, 0.75), (0.38, 0.78)),
-            ((-0.52, 0.34), (-0.2, 0.75)),
-            ((0.52, 0.34), (0.36, 0.9)),
-        ):
+        rear, crank, saddle, front = (-0.52, 0.34), (-0.05, 0.3), (-0.2, 0.75), (0.52, 0.34)
+        tubes = (rear, crank), (crank, (0.38, 0.75)), (crank, (-0.2, 0.8)), (saddle, (0.38, 0.78)), (rear, saddle)
+        for start, end in (*tubes, (front, (0.36, 0.9))):
             model.bar((*start, 0), (*end, 0), 0.015, PAINT, tint=tint)
         model.put("cushion", (-0.22, 0.85, 0), (0.13, 0.03, 0.07), IRON)
         model.bar((0.36, 0.9, -0.25), (0.36, 0.9, 0.25), 0.012, STEEL)
@@ -70,10 +62,9 @@ def bollards(model: Model, chance: Chance) -> None:
     for x in (-0.8, 0.0, 0.8):
         model.bar((x, -0.05, -0.2), (x, 0.8, -0.2), 0.05, IRON, sides=16)
         model.put("ball", (x, 0.84, -0.2), 0.07, IRON)
-    link = complete(solids.torus(0.03, 0.007, 12, 5), DEFAULT_CREASE_ANGLE)
+    link = complete(solids.torus(0.03, 0.007, 12, 5))
     share = np.linspace(0.0, 1.0, 15)
-    flat = rotation((1, 0, 0), 0.5 * np.pi)[0]
-    turns = rotation((1, 0, 0), 0.5 * np.pi * (np.arange(15) % 2)) @ flat
+    turns = rotation((1, 0, 0), 0.5 * np.pi * (np.arange(15) % 2)) @ about_x(0.5 * np.pi)
     for start in (-0.8, 0.0):
         at = np.stack([start + 0.8 * share, 0.7 - 0.8 * share * (1 - share), 0.0 * share - 0.2], axis=1)
         model.scatter(link, STEEL, at, turns=turns)

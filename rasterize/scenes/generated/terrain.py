@@ -6,10 +6,10 @@ import numpy as np
 
 from ssgi_cl.core.lights import DirectionalLight, Environment
 
-from ..scatter import Doubles, noise, rotation
+from ..scatter import Doubles, about_x, about_y, noise, rotation
 from . import plants, solids
 from .chance import Chance
-from .draft import Draft
+from .draft import Draft, directions
 from .model import SOIL, STONE, WOOD, Model
 from .views import Candidate
 
@@ -21,52 +21,36 @@ def terrain(chance: Chance) -> Draft:
     model = Model()
     height = _height(chance)
 
-    def on_ground(x: float, z: float) -> tuple[float, float, float]:
-        return x, float(height(np.array(x), np.array(z))), z
-
     model.add(solids.height_field(np.linspace(-_HALF, _HALF, 121), height), SOIL, closed=False)
     rocks = [solids.rock(chance.whole(0, 10**6), 18, chance.uniform(0.4, 0.8)) for _ in range(4)]
     for part in rocks:
         count = chance.whole(12, 40)
         at = chance.uniforms(-0.9 * _HALF, 0.9 * _HALF, count, 2)
         size = 0.12 + 1.1 * chance.uniforms(0.0, 1.0, count) ** 5
-        y = height(at[:, 0], at[:, 1]) + 0.25 * size
-        model.scatter(
-            part,
-            STONE,
-            np.stack([at[:, 0], y, at[:, 1]], axis=1),
-            turns=plants.turned_anyhow(chance, count, 0.5),
-            scales=size,
-            tints=np.repeat(chance.uniforms(0.7, 1.15, count, 1), 3, axis=1),
-        )
+        places, turns = solids.all_on_ground(height, at, 0.25 * size), plants.turned_anyhow(chance, count, 0.5)
+        tints = np.repeat(chance.uniforms(0.7, 1.15, count, 1), 3, axis=1)
+        model.scatter(part, STONE, places, turns=turns, scales=size, tints=tints)
     thing = chance.pick((_ring_of_stones, _dry_wall, _hut, _cairns))
     x, z = (float(v) for v in chance.uniforms(-2.5, 2.5, 2))
-    with model.at(on_ground(x, z), chance.uniform(0.0, 6.28)):
+    with model.at(solids.on_ground(height, x, z), chance.uniform(0.0, 6.28)):
         thing(model, chance)
     for _ in range(chance.whole(5, 14)):
         spot = chance.uniforms(-9.0, 9.0, 2)
         if chance.yes(0.6):
             count = chance.whole(40, 120)
             spots = spot + chance.uniforms(-0.6, 0.6, count, 2)
-            y = height(spots[:, 0], spots[:, 1]) - 0.01
-            plants.grass(model, chance, np.stack([spots[:, 0], y, spots[:, 1]], axis=1), 0.4)
+            plants.grass(model, chance, solids.all_on_ground(height, spots, -0.01), 0.4)
         else:
-            with model.at(on_ground(float(spot[0]), float(spot[1]))):
+            with model.at(solids.on_ground(height, *spot)):
                 plants.bush(model, chance, chance.uniform(0.3, 0.9), 260)
     for _ in range(chance.whole(0, 4)):
         spot = chance.uniforms(-10.0, 10.0, 2)
-        with model.at(on_ground(float(spot[0]), float(spot[1]))):
+        with model.at(solids.on_ground(height, *spot)):
             _bare_tree(model, chance)
     sun = DirectionalLight((chance.uniform(-0.9, 0.9), -chance.uniform(0.35, 0.8), -0.5), (17.0, 15.0, 12.0))
-    return Draft(
-        model=model,
-        candidates=_candidates(chance, height, (x, z)),
-        lights=(sun, Environment((0.75, 0.95, 1.3))),
-        ao_radius=chance.pick((0.5, 1.0, 1.5)),
-        yfov=chance.uniform(0.8, 1.0),
-        clearance=0.4,
-        coverage=0.55,
-    )
+    views, lights = _candidates(chance, height, (x, z)), (sun, Environment((0.75, 0.95, 1.3)))
+    reach, yfov = chance.pick((0.5, 1.0, 1.5)), chance.uniform(0.8, 1.0)
+    return Draft(model, views, lights, ao_radius=reach, yfov=yfov, clearance=0.4, coverage=0.55)
 
 
 def _height(chance: Chance) -> solids.Height:
@@ -101,18 +85,10 @@ def _ring_of_stones(model: Model, chance: Chance) -> None:
     for i in range(count):
         angle = 2.0 * np.pi * i / count
         wide, tall = chance.uniform(0.5, 0.8), high * chance.uniform(0.8, 1.1)
-        with model.at(
-            (radius * np.sin(angle), 0, radius * np.cos(angle)),
-            angle,
-            rotation((1, 0, 0), chance.uniform(-0.1, 0.1))[0],
-        ):
-            model.put(
-                "cushion",
-                (0, 0.5 * tall - 0.3, 0),
-                (0.5 * wide, 0.5 * tall + 0.3, 0.17),
-                STONE,
-                tint=chance.uniform(0.8, 1.1),
-            )
+        lean = about_x(chance.uniform(-0.1, 0.1))
+        with model.at((radius * np.sin(angle), 0, radius * np.cos(angle)), angle, lean):
+            place, size = (0, 0.5 * tall - 0.3, 0), (0.5 * wide, 0.5 * tall + 0.3, 0.17)
+            model.put("cushion", place, size, STONE, tint=chance.uniform(0.8, 1.1))
         if i % 2 == 0 and chance.yes(0.7):
             half = angle + np.pi / count
             with model.at((radius * np.sin(half), high, radius * np.cos(half)), half):
@@ -127,14 +103,8 @@ def _dry_wall(model: Model, chance: Chance) -> None:
             wide = chance.uniform(0.2, 0.5)
             if not -0.5 < x + 0.5 * wide < 0.6 and (course < 5 or chance.yes(0.7)):
                 middle = (x + 0.5 * wide, 0.19 * course - 0.1, chance.uniform(-0.03, 0.03))
-                model.put(
-                    "cushion",
-                    middle,
-                    (0.5 * wide - 0.008, 0.093, 0.2),
-                    STONE,
-                    turn=rotation((0, 1, 0), chance.uniform(-0.08, 0.08))[0],
-                    tint=chance.uniform(0.7, 1.15),
-                )
+                size, turn = (0.5 * wide - 0.008, 0.093, 0.2), about_y(chance.uniform(-0.08, 0.08))
+                model.put("cushion", middle, size, STONE, turn=turn, tint=chance.uniform(0.7, 1.15))
             x += wide
     for x in (-0.5, 0.6):
         model.bar((x, -0.3, 0), (x, 1.15, 0), 0.06, WOOD)
@@ -151,25 +121,13 @@ def _hut(model: Model, chance: Chance) -> None:
             model.bar((x, y + 0.085, -deep - 0.2), (x, y + 0.085, deep), 0.09, WOOD)
     for x in (-half, 0.0, half):
         model.bar((x, -0.3, deep), (x, high + 0.5, deep), 0.07, WOOD)
-    slope = rotation((1, 0, 0), 0.18)[0]
+    slope, slat = about_x(0.18).T, (0.13, 0.03, 2 * deep + 0.9)
     for x in np.arange(-half - 0.4, half + 0.4, 0.16):
-        model.put(
-            "box",
-            (x, high + 0.28, 0),
-            (0.13, 0.03, 2 * deep + 0.9),
-            WOOD,
-            turn=slope.T,
-            tint=chance.uniform(0.75, 1.15),
-        )
+        model.put("box", (x, high + 0.28, 0), slat, WOOD, turn=slope, tint=chance.uniform(0.75, 1.15))
     model.box((-half, -0.3, -deep), (half, 0.05, deep + 0.5), WOOD)
     for _ in range(4):
-        model.put(
-            "box",
-            (chance.uniform(-1.2, 1.2), 0.25, chance.uniform(-0.9, 0.3)),
-            (0.4, 0.4, 0.4),
-            WOOD,
-            turn=rotation((0, 1, 0), chance.uniform(0, 3))[0],
-        )
+        place = (chance.uniform(-1.2, 1.2), 0.25, chance.uniform(-0.9, 0.3))
+        model.put("box", place, (0.4, 0.4, 0.4), WOOD, turn=about_y(chance.uniform(0, 3)))
 
 
 def _cairns(model: Model, chance: Chance) -> None:
@@ -179,14 +137,8 @@ def _cairns(model: Model, chance: Chance) -> None:
         y, size = -0.3, chance.uniform(0.35, 0.7)
         for _ in range(chance.whole(5, 9)):
             flat = chance.uniform(0.09, 0.16)
-            model.put(
-                "cushion",
-                (x, y + flat, z),
-                (size, flat, 0.9 * size),
-                STONE,
-                turn=rotation((0, 1, 0.05), chance.uniform(0, 6.28))[0],
-                tint=chance.uniform(0.7, 1.15),
-            )
+            place, turn = (x, y + flat, z), rotation((0, 1, 0.05), chance.uniform(0, 6.28))[0]
+            model.put("cushion", place, (size, flat, 0.9 * size), STONE, turn=turn, tint=chance.uniform(0.7, 1.15))
             y, size = y + 1.9 * flat, size * chance.uniform(0.78, 0.97)
         if chance.yes(0.6):
             model.bar((x + 0.6, -0.3, z), (x + 0.1, 2.2, z + 0.1), 0.02, WOOD)
@@ -207,13 +159,9 @@ def _bare_tree(model: Model, chance: Chance) -> None:
 def _candidates(chance: Chance, height: solids.Height, middle: tuple[float, float]) -> list[Candidate]:
     """Return views of what stands in the middle, from all sides and heights."""
     views = []
-    start = chance.uniform(0.0, 6.28)
-    for i in range(60):
-        angle = start + 2.4 * i
+    for _, cosine, sine in directions(chance, 60):
         far = chance.uniform(3.5, 8.0)
-        x, z = middle[0] + float(far * np.cos(angle)), middle[1] + float(far * np.sin(angle))
-        ground = float(height(np.array(x), np.array(z)))
-        eye = (x, ground + chance.uniform(0.9, 2.6), z)
-        aim = float(height(np.array(middle[0]), np.array(middle[1])))
-        views.append(Candidate(eye, (middle[0], aim + chance.uniform(-0.3, 0.5), middle[1])))
+        x, y, z = solids.on_ground(height, middle[0] + far * cosine, middle[1] + far * sine)
+        eye, aim = (x, y + chance.uniform(0.9, 2.6), z), solids.on_ground(height, *middle)
+        views.append(Candidate(eye, (aim[0], aim[1] + chance.uniform(-0.3, 0.5), aim[2])))
     return views

@@ -21,7 +21,7 @@ _PARALLEL = 1e-12
 
 
 class Candidate(NamedTuple):
-    """Where a camera may be and what it looks at, world space, metres."""
+    """Eye and target of a possible camera, world space, metres."""
 
     eye: Vector
     target: Vector

@@ -173,7 +173,7 @@ def confirm(info: DeviceInfo, variant: KernelVariant, speed: Callable[[], float]
 
 
 _fleeting: dict[Path, Found] = {}
-"""What this process found: a read-only home, or failures in doubt, leave no record."""
+"""Devices that this process found: a read-only home, or failures in doubt, leave no record."""
 
 
 def _looked_at(driver: Path) -> Found:

@@ -47,11 +47,9 @@ def replaced_caches() -> dict[str, str]:
             variables["POCL_CACHE_DIR"] = str(Path(asked) / "pocl")
         else:
             try:
-                folder = tempfile.TemporaryDirectory(prefix="ssgi_cl-", ignore_cleanup_errors=True)
+                variables["POCL_CACHE_DIR"] = _new_temporary()
             except OSError:
                 return variables  # nothing can be written anywhere: the driver will say so
-            _made.append(folder)
-            variables["POCL_CACHE_DIR"] = folder.name
     if not _can_be_written(_user_caches()):
         variables["PYOPENCL_NO_CACHE"] = "1"
     return variables
@@ -96,10 +94,14 @@ def _shared_temporary() -> Path:
 def _own_temporary() -> Path:
     """Return a folder that goes with the process."""
     try:
-        _made.append(tempfile.TemporaryDirectory(prefix="ssgi_cl-", ignore_cleanup_errors=True))
+        return Path(_new_temporary())
     except OSError:
         return Path(tempfile.gettempdir()) / "ssgi_cl"  # can't be written, as will be found
-    return Path(_made[-1].name)
+
+
+def _new_temporary() -> str:
+    _made.append(tempfile.TemporaryDirectory(prefix="ssgi_cl-", ignore_cleanup_errors=True))
+    return _made[-1].name
 
 
 def _can_be_written(folder: Path) -> bool:

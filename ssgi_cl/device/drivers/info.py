@@ -1,4 +1,4 @@
-"""What is known of a device: its kernel variants and how fast each runs."""
+"""Description of a device: its kernel variants and the speed of each."""
 
 from __future__ import annotations
 
@@ -28,12 +28,7 @@ class KernelVariant:
         return f"{self.lanes} lane{'s' if self.lanes > 1 else ''}, {self.storage}"
 
 
-KERNEL_VARIANTS = (
-    KernelVariant(1, "image"),
-    KernelVariant(1, "buffer"),
-    KernelVariant(8, "buffer"),
-    KernelVariant(16, "buffer"),
-)
+KERNEL_VARIANTS = (KernelVariant(1, "image"), *(KernelVariant(lanes, "buffer") for lanes in (1, 8, 16)))
 
 
 @dataclass(frozen=True)
@@ -83,7 +78,7 @@ class DeviceInfo:
 
 @dataclass(frozen=True)
 class Found:
-    """What the probe of a driver found.
+    """The devices that the probe of a driver found.
 
     Attributes:
         devices: what the driver lists; empty if it lists none or could not be asked.

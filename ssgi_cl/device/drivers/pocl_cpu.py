@@ -20,24 +20,15 @@ from pathlib import Path
 from typing import Any
 
 PATCHED_VERSIONS = ("3.0-rc2",)
-"""What `CL_DRIVER_VERSION` says for the wheel pocl-binary-distribution 3.0, the last on PyPI."""
+"""Values of `CL_DRIVER_VERSION` of the wheel pocl-binary-distribution 3.0, the last on PyPI."""
 _TRIPLE, _CPU = 0x278, 0x280
 """Offsets in bytes of two char* in PoCL 3.0's `struct _cl_device_id`: LLVM's triple, processor."""
 _AVX512 = ("avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl")
 _AVX2 = ("avx2", "fma", "bmi1", "bmi2", "f16c", "movbe", "abm")
-_WITH_AVX512 = frozenset(
-    (
-        "skylake-avx512",
-        "cascadelake",
-        "cooperlake",
-        "cannonlake",
-        "icelake-client",
-        "icelake-server",
-        "rocketlake",
-        "sapphirerapids",
-        "tigerlake",
-    )
-)
+_WITH_AVX512 = frozenset((
+    "skylake-avx512", "cascadelake", "cooperlake", "cannonlake", "icelake-client", "icelake-server", "rocketlake",
+    "sapphirerapids", "tigerlake",
+))  # fmt: skip
 """Names that LLVM 14 detects and that have all of `_AVX512`."""
 
 _names: dict[bytes, Any] = {}

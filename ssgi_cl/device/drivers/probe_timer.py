@@ -1,4 +1,4 @@
-"""How fast a device reads: the timing of the probe, in a process of its own or where it is used."""
+"""Speed of a device: the timing of the probe, in a process of its own or where it is used."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ _LAST_WORDS = 600
 
 @dataclass(frozen=True)
 class Answers:
-    """What a probe's process printed, and how it ended; `ending` is empty if in order."""
+    """The output of a probe's process, and how it ended; `ending` is empty if in order."""
 
     lines: list[dict[str, Any]]
     ending: str = ""
@@ -59,17 +59,8 @@ def probe(driver: Path) -> Found:
         devices.append(DeviceInfo(driver=str(driver), speeds=speeds, **entry))
     doubt = doubtful()
     failing = not devices or any(info.failures for info in devices)
-    reason = (
-        ""
-        if devices
-        else "; ".join(
-            [
-                f"{driver}: the driver lists no device",
-                *(line["reason"] for line in listed.lines if "reason" in line),
-                *([doubt] if doubt else []),
-            ]
-        )
-    )
+    reasons = [f"{driver}: the driver lists no device", *(line["reason"] for line in listed.lines if "reason" in line)]
+    reason = "" if devices else "; ".join([*reasons, doubt] if doubt else reasons)
     return Found(devices, lasting=not (doubt and failing), reason=reason)
 
 

@@ -38,15 +38,9 @@ _MODULES = ("../probe.py", "probe_timer.py", "probing.py", "pocl_cpu.py", "info.
 
 def record_file(driver: Path) -> Path:
     """Return the file of what is known of a driver's devices as the machine is set up now."""
-    parts = [
-        str(driver),
-        sources.flatten("probe/probe_gather.cl"),
-        *_driver_description(driver),
-        *machine_description(),
-        *settings(),
-    ]
-    here = Path(__file__)
-    parts += [(here.parent / name).read_text(encoding="utf-8") for name in _MODULES]
+    about = [*_driver_description(driver), *machine_description(), *settings()]
+    modules = [(Path(__file__).parent / name).read_text(encoding="utf-8") for name in _MODULES]
+    parts = [str(driver), sources.flatten("probe/probe_gather.cl"), *about, *modules]
     key = hashlib.sha256("\n".join(parts).encode()).hexdigest()[:16]
     return cache_folder() / f"devices-{key}.json"
 

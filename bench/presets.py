@@ -18,7 +18,6 @@ from typing import Any
 
 import click
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from ssgi_cl.core.atomic import replacement
@@ -34,7 +33,7 @@ from ssgi_cl.tuning.trials import Trial, Trials
 from ssgi_cl.tuning.tunables import entry_of
 from ssgi_cl.version import __version__
 
-from .options import device_option
+from .options import device_option, progress_bar
 from .scene_sets import OVERSCAN, SETS, SceneSets, described, geometric_mean
 
 WITHIN = {"low": 0.75, "medium": 1.0, "high": 2.6, "ultra": 8.0}
@@ -276,21 +275,7 @@ def main(technique: str, device: str | None, meshes: Path | None, output: Path |
 
     Takes some minutes. Nothing else should keep the machine busy meanwhile.
     """
-    console = Console(stderr=True)
-    bar = Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TimeRemainingColumn(),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    )
-    with bar:
-        task = bar.add_task("", total=1.0)
-
-        def report(text: str, share: float) -> None:
-            bar.update(task, description=text, completed=share)
-
+    with progress_bar() as report:
         sets = SceneSets(Runtime.open(device), meshes=meshes, progress=report)
         result = record_presets(technique, sets, progress=report)
     path = output or Path(presets.__file__).parent / f"{technique}.json"

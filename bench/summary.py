@@ -1,4 +1,4 @@
-"""A document as a page of Markdown with plots and pictures, small enough to be kept with code."""
+"""Page of Markdown of a document, with plots and pictures, small enough to be kept with code."""
 
 from __future__ import annotations
 
@@ -13,11 +13,10 @@ from PIL import Image
 from ssgi_cl.core import atomic
 
 from .document import Group, groups, metric
-from .guide import guides
 from .peers import PEERS
 from .pictures import OCCLUSION_RANGE, encoded, error_colors, exposure_of
 from .plot import has_plot, looks, plot
-from .verdict import verdict
+from .verdict import guides, verdict
 from .wording import (
     calibration_line,
     device_milliseconds,
@@ -159,10 +158,9 @@ def _guides(document: Mapping[str, Any]) -> list[str]:
     if not found:
         return []
     lines = ["", "## The least error within a time", "", "Setting and RMSE, by median wall time."]
-    for guide in found:
-        lines += ["", f"{guide.case}:", "", f"| ms | {' | '.join(guide.scenes)} |"]
-        lines.append("|---:|" + "---|" * len(guide.scenes))
-        lines += (f"| {ms:g} | {' | '.join(cells)} |" for ms, cells in guide.rows.items())
+    for case, (head, *rows) in found.items():
+        lines += ["", f"{case}:", "", f"| {' | '.join(head)} |", "|---:|" + "---|" * len(head[1:])]
+        lines += (f"| {' | '.join(cells)} |" for cells in rows)
     return lines
 
 

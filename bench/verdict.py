@@ -1,4 +1,4 @@
-"""What the rows of a group say: which side has the least error within which time.
+"""Verdict on the rows of a group: the side of least error within a time, in sentences and in tables.
 
 Every sentence follows from the rows alone, unsteady ones included, by their median wall times;
 where quartiles overlap, the sentence says so.
@@ -6,27 +6,36 @@ where quartiles overlap, the sentence says so.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import groupby, pairwise
 from typing import Any
 
-from .document import clock
+from .document import clock, groups
 from .front import Result, comparable, error_of, overlap, rivals_of
-from .peers import PEERS, embree, mitsuba_ao, mitsuba_frame, mitsuba_path
-from .wording import number, short_name
+from .peers import PEERS, embree, mitsuba_frame, mitsuba_rays
+from .wording import NOTHING, number, short_name
 
 PUBLISHED = {"xegtao": "XeGTAO's High setting"}
 """Families that measure settings which others published, with this library's kernels."""
 
-STATIC = (*embree.FAMILIES, *mitsuba_ao.STATIC, *mitsuba_path.FAMILIES, *mitsuba_frame.KEPT)
+STATIC = (*embree.FAMILIES, *mitsuba_rays.STATIC, *mitsuba_frame.KEPT)
 """Families of rays and paths against a mesh that does not move: its tree is built once."""
-MOVING = tuple(mitsuba_ao.MOVING)
+MOVING = tuple(mitsuba_rays.MOVING)
 """Families of rays against a mesh that moves: its tree is built in every run."""
 
 OWN = "this library"
 RAYS = "rays against the mesh"
 MOST_PAIRS = 3
 """Pairs of results that are named because their times overlap."""
+
+BUDGETS = (2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0)
+"""Wall milliseconds, of the tables."""
+MESHES: Mapping[str, tuple[str, ...]] = {
+    "There is no mesh": (),
+    "The mesh does not move": (*STATIC, *(name for name in PEERS if name not in MOVING)),
+    "The mesh moves": tuple(name for name in PEERS if name not in STATIC),
+}
+"""What is known of the mesh -> the other programs that can be used then."""
 
 
 def verdict(results: Sequence[Result]) -> str:
@@ -107,3 +116,28 @@ def _uncertain(rows: Sequence[Result], runs: Sequence[Sequence[Result]]) -> list
             pairs += [(other, row) for other in rivals if _own(other) != _own(row)][:1]
     names = [f"{short_name(a)} and {short_name(b)}" for a, b in pairs if overlap(a, b)]
     return list(dict.fromkeys(names))[:MOST_PAIRS]
+
+
+def guides(document: Mapping[str, Any]) -> dict[str, list[tuple[str, ...]]]:
+    """Return key of `MESHES` -> a table: budget in ms, and for each scene setting and RMSE.
+
+    The first row is the heading. Empty unless the document holds our A beside that of rays.
+    """
+    found = {
+        f"{scene}, {columns} x {rows}": results
+        for (quantity, scene, (rows, columns)), results in groups(document["results"]).items()
+        if quantity == "occlusion" and verdict(results)
+    }
+
+    def cell(rows: Sequence[Result], ms: float) -> str:
+        best = leader(rows, ms)
+        return NOTHING if best is None else f"{short_name(best)} {number(error_of(best))}"
+
+    made = {}
+    for case, peers in MESHES.items() if found else ():
+        kept = [
+            comparable([r for r in results if r["family"] not in PEERS or r["family"] in peers])
+            for results in found.values()
+        ]
+        made[case] = [("ms", *found), *((f"{ms:g}", *(cell(rows, ms) for rows in kept)) for ms in BUDGETS)]
+    return made

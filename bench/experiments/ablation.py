@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl import truth
-from ssgi_cl.bench.cases.whole_frame import MODES
+from ssgi_cl.bench.cases.frame import MODES
 from ssgi_cl.bench.errors import picture_flip
 from ssgi_cl.bench.options import PixelSize, device_option, human_errors, meshes_option, progress_bar
 from ssgi_cl.core.gbuffer import GBuffer

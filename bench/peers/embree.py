@@ -1,7 +1,7 @@
 """Ambient occlusion by Embree's rays against the mesh, asked for in one batch through embreex.
 
 Origins, directions and reaches are made before and lie contiguous in memory, so that a run is the
-queries and the mean of their answers. `mitsuba_ao` casts the same rays through wider packets.
+queries and the mean of their answers. `mitsuba_rays` casts the same rays through wider packets.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.sampling import basis, directions, hashed, r2_points, wrapped
 from ssgi_cl.truth.ray_ao import MOST_RAYS, Settings
 from ssgi_cl.truth.raycast import RayCaster
-from ssgi_cl.tuning.case import Subject, count_of
+from ssgi_cl.tuning.case import Family, Subject, count_of
 from ssgi_cl.tuning.context import Context
 
 from .extras import missing_package
@@ -82,28 +82,20 @@ class Rays:
         return np.clip(image, 0.0, 1.0)
 
 
-class EmbreeFamily:
-    """Rays as the reference casts them, but fewer; the setting is their number a pixel."""
+def rays(context: Context, setting: str) -> Subject:
+    """Make rays as the reference casts them ready, but fewer; the setting is their number a pixel.
 
-    SETTINGS: tuple[str, ...] = ("1", "4", "16")
-
-    def missing(self) -> str:
-        """Return what to install where embreex is missing."""
-        return missing_package("embreex", "truth")
-
-    def prepare(self, context: Context, setting: str) -> Subject:
-        """Build the search tree, find the points that rays start from, and make the rays."""
-        rays = count_of(setting, "rays per pixel", 1, MOST_RAYS)
-        cast = Rays(context, rays).cast
-        return Subject(
-            run=cast,
-            image=cast,
-            on_device=False,
-            quantity="occlusion",
-            samples=float(rays) * np.count_nonzero(context.seen),
-            truths={"world": context.occlusion},
-            counted="queries in one batch; rays made before",
-        )
+    Builds the search tree and finds the points that they start from.
+    """
+    number = count_of(setting, "rays per pixel", 1, MOST_RAYS)
+    return Subject.of_image(
+        Rays(context, number).cast,
+        on_device=False,
+        quantity="occlusion",
+        samples=float(number) * context.surface_pixels,
+        truths={"world": context.occlusion},
+        counted="queries in one batch; rays made before",
+    )
 
 
-FAMILIES = {"embree": EmbreeFamily()}
+FAMILIES = {"embree": Family(rays, ("1", "4", "16"), missing=lambda: missing_package("embreex", "truth"))}

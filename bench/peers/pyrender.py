@@ -17,7 +17,7 @@ from ssgi_cl.core.errors import MissingExtraError
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.rasterize.raster import opengl
 from ssgi_cl.rasterize.raster.opengl_context import context as opengl_context
-from ssgi_cl.tuning.case import Subject
+from ssgi_cl.tuning.case import Family, Subject
 from ssgi_cl.tuning.context import Context
 
 FLAGS = {"flat": "FLAT", "depth": "DEPTH_ONLY"}
@@ -79,24 +79,19 @@ def median_ms(scene: Scene, camera: Camera, name: str, repeats: int = 5) -> floa
     return 1e3 * float(np.median(times))
 
 
-class PyrenderFamily:
-    """The setting is the name of a pass."""
+def missing() -> str:
+    """Return what is missing: pyrender, or a driver."""
+    try:
+        with opengl_context():
+            return ""
+    except MissingExtraError as error:
+        return " ".join(str(error).split())
 
-    SETTINGS = tuple(FLAGS)
 
-    def missing(self) -> str:
-        """Return what is missing: pyrender, or a driver."""
-        try:
-            with opengl_context():
-                return ""
-        except MissingExtraError as error:
-            return " ".join(str(error).split())
-
-    def prepare(self, context: Context, setting: str) -> Subject:
-        """Upload the scene and compile the shaders."""
-        name = checks.choice("setting", setting, self.SETTINGS)
-        frames = Frames(context.view.scene, context.camera, name)
-        return Subject(run=frames.draw, on_device=False, note="four samples a pixel, read back")
+def drawn(context: Context, setting: str) -> Subject:
+    """Upload the scene and compile the shaders of a pass; the setting is its name."""
+    frames = Frames(context.view.scene, context.camera, checks.choice("setting", setting, tuple(FLAGS)))
+    return Subject(run=frames.draw, on_device=False, note="four samples a pixel, read back")
 
 
 def _closed(renderer: Any) -> None:
@@ -154,4 +149,4 @@ def _primitive(pyrender: Any, scene: Scene, index: int) -> Any:
     )
 
 
-FAMILIES = {"pyrender": PyrenderFamily()}
+FAMILIES = {"pyrender": Family(drawn, tuple(FLAGS), missing=missing)}

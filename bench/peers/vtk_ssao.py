@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.rasterize.raster import opengl
-from ssgi_cl.tuning.case import Subject, count_of
+from ssgi_cl.tuning.case import Family, Subject, count_of
 from ssgi_cl.tuning.context import Context
 
 from .extras import missing_package
@@ -101,30 +101,25 @@ class Picture:
         return 1e3 * statistics.median(times)
 
 
-class VtkSsao:
-    """The setting is the number of points that are looked at for each pixel."""
+def missing() -> str:
+    """Return what is missing: VTK, or a driver."""
+    return missing_package("vtkmodules.vtkRenderingOpenGL2", "peers") or _display()[1]
 
-    SETTINGS = ("32", "64", "256")
 
-    def missing(self) -> str:
-        """Return what is missing: VTK, or a driver."""
-        why = missing_package("vtkmodules.vtkRenderingOpenGL2", "peers")
-        return why or _display()[1]
-
-    def prepare(self, context: Context, setting: str) -> Subject:
-        """Upload the scene, and time it without SSAO."""
-        points = count_of(setting, "points per pixel", 1, MOST_POINTS)
-        picture = Picture(context, points)
-        picture.draw()
-        return Subject(
-            run=picture.draw,
-            image=picture.image,
-            on_device=False,
-            quantity="occlusion",
-            samples=float(points) * np.count_nonzero(context.seen),
-            truths={"world": context.occlusion},
-            note=f"the whole frame; without SSAO it takes {picture.plain_ms:.1f} ms",
-        )
+def occlusion(context: Context, setting: str) -> Subject:
+    """Upload the scene, and time it without SSAO; the setting is the number of points per pixel."""
+    points = count_of(setting, "points per pixel", 1, MOST_POINTS)
+    picture = Picture(context, points)
+    picture.draw()
+    return Subject(
+        run=picture.draw,
+        image=picture.image,
+        on_device=False,
+        quantity="occlusion",
+        samples=float(points) * context.surface_pixels,
+        truths={"world": context.occlusion},
+        note=f"the whole frame; without SSAO it takes {picture.plain_ms:.1f} ms",
+    )
 
 
 def _white(core: Any, scene: Scene) -> Any:
@@ -214,4 +209,4 @@ def _quiet() -> Iterator[None]:
         logger.SetStderrVerbosity(before)
 
 
-FAMILIES = {"vtk-ssao": VtkSsao()}
+FAMILIES = {"vtk-ssao": Family(occlusion, ("32", "64", "256"), missing=missing)}

@@ -9,7 +9,7 @@ import pytest
 
 from ssgi_cl.bench import suite
 from ssgi_cl.bench.cases import FAMILIES
-from ssgi_cl.bench.cases.ssao import ssao_subject
+from ssgi_cl.bench.cases.ao import ssao_subject
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import cornell_box
 from ssgi_cl.reference.ao.gtao import gtao_reference

@@ -102,7 +102,7 @@ def inputs(runtime: Runtime, size: Size, texels: int) -> Inputs:
 
 
 Call = Callable[[Inputs, Runtime], Iterator[Array]]
-"""What yields the results of a technique, the same number of the same shapes always."""
+"""A function that yields the results of a technique, always as many of the same shapes."""
 
 
 def drawing(given: Inputs, runtime: Runtime) -> Iterator[Array]:

@@ -1,4 +1,4 @@
-"""What got slower or worse from one run of the benchmark to another, beyond noise."""
+"""Comparison of two runs of the benchmark: changes of time and error beyond noise."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Change:
 
 @dataclass
 class Comparison:
-    """What became of the cases that two documents share, and which they don't share.
+    """Changes of the cases that two documents share, and the cases that they don't share.
 
     Attributes:
         slower, faster: changes of time beyond noise.

@@ -25,13 +25,12 @@ from ssgi_cl.tuning.measured_scenes import MissingMeshError, views_of
 
 from . import document, figure_text, front, skips, suite, summary, summation
 from .figure_tables import VISIBILITY
-from .options import device_option
+from .options import device_option, meshes_option
 from .plot import require_plots
+from .scene_sets import MESH_VIEWS
 from .skips import ROUNDS
 from .wording import revision
 
-VIEWS = ("sponza", "country_kitchen", "veach_ajar")
-"""Of docs/views; their meshes are not part of the project."""
 QUICK: Size = (72, 96)
 QUICK_PATTERNS = 3
 """Of the scenes of docs/views."""
@@ -116,7 +115,11 @@ PLANS: Mapping[str, Plan] = {
     "benchmark": Plan(
         (300, 400),
         {"rays": 512, "paths": 256, "points": 256},
-        {"cornell_box": (*OCCLUSION, *LIGHT), "hall": (*OCCLUSION, *LIGHT, *PASSES), **dict.fromkeys(VIEWS, OCCLUSION)},
+        {
+            "cornell_box": (*OCCLUSION, *LIGHT),
+            "hall": (*OCCLUSION, *LIGHT, *PASSES),
+            **dict.fromkeys(MESH_VIEWS, OCCLUSION),
+        },
     ),
     "indirect": Plan(
         (150, 200),
@@ -288,12 +291,7 @@ def check_tree(stamp: Mapping[str, Any], *, allow_dirty: bool) -> None:
     type=click.Choice([*PLANS, *OTHERS]),
     help="Of the documents; several times. All by default.",
 )
-@click.option(
-    "--meshes",
-    envvar="SSGI_CL_MESHES",
-    type=click.Path(path_type=Path, exists=True, file_okay=False),
-    help="The folder of the meshes of docs/views; scenes without mesh are left out.",
-)
+@meshes_option
 @device_option
 @click.option(
     "--seconds",

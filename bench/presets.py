@@ -29,12 +29,12 @@ from ssgi_cl.techniques.presets.speed_model import measured
 from ssgi_cl.techniques.technique import Technique
 from ssgi_cl.tuning.context import Progress as Report
 from ssgi_cl.tuning.outcome import TuneError
-from ssgi_cl.tuning.trials import Trial, Trials
-from ssgi_cl.tuning.tunables import entry_of
+from ssgi_cl.tuning.trials import Trial, Trials, geometric_mean
+from ssgi_cl.tuning.tunables import described, entry_of
 from ssgi_cl.version import __version__
 
-from .options import device_option, progress_bar
-from .scene_sets import OVERSCAN, SETS, SceneSets, described, geometric_mean
+from .options import device_option, meshes_option, progress_bar
+from .scene_sets import OVERSCAN, SETS, SceneSets
 
 WITHIN = {"low": 0.75, "medium": 1.0, "high": 2.6, "ultra": 8.0}
 """Time of each preset over that of the defaults, at most; "medium" is the defaults."""
@@ -258,12 +258,7 @@ def _is_one(value: Any) -> bool:
 @click.command()
 @click.argument("technique", type=click.Choice(sorted(TECHNIQUES)))
 @device_option
-@click.option(
-    "--meshes",
-    type=click.Path(path_type=Path, file_okay=False, exists=True),
-    help="The folder of the meshes of docs/views, which errors are reported on; without, "
-    "they are reported on the built-in scenes alone.",
-)
+@meshes_option
 @click.option(
     "-o",
     "--output",

@@ -111,7 +111,7 @@ SKIP_SCENES: tuple[Callable[[], BuiltinScene], ...] = (
     foliage,
     hall,
 )
-"""What makes each, those that need least first."""
+"""Their makers, the scenes that need least first."""
 
 GENERATED = ("room-7", "colonnade-3", "street-5")
 

@@ -30,7 +30,7 @@ STEP = 1e-3
 ALL = "all"
 STILL = "all, still"
 MOVING = tuple(name for name in SKIPS if name != "unchanged")
-"""What may be left out of a frame that differs from the one before."""
+"""Skips of a frame that differs from the one before."""
 WITHOUT = {f"all but {name}": name for name in MOVING if name != "outputs"}
 """Columns of frames with all skips but one -> which. A picture needs
 everything that `outputs` could leave out."""

@@ -1,4 +1,4 @@
-"""How float32 sums of many lights err; `make figures` writes docs/summation.md."""
+"""Errors of float32 sums of many lights; `make figures` writes docs/summation.md."""
 
 from __future__ import annotations
 

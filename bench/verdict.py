@@ -35,7 +35,7 @@ MESHES: Mapping[str, tuple[str, ...]] = {
     "The mesh does not move": (*STATIC, *(name for name in PEERS if name not in MOVING)),
     "The mesh moves": tuple(name for name in PEERS if name not in STATIC),
 }
-"""What is known of the mesh -> the other programs that can be used then."""
+"""Knowledge of the mesh -> the other programs that can be used then."""
 
 
 def verdict(results: Sequence[Result]) -> str:

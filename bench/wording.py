@@ -1,4 +1,4 @@
-"""How results are put into words and digits, the same in the terminal and in the report."""
+"""Words and digits of results, the same in the terminal and on pages."""
 
 from __future__ import annotations
 

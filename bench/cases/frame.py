@@ -29,7 +29,7 @@ CHOICES = {"none": (), "all": MOVING, "still": tuple(SKIPS)}
 """Setting -> what may be left out."""
 
 DRAWN = tuple(name for name in MOVING if name != "maps")
-"""What may be left out of a frame whose lights move too."""
+"""Skips of a frame whose lights move too."""
 
 MODES: Mapping[str, Mapping[str, Any]] = {
     "default": {},

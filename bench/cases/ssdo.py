@@ -35,7 +35,7 @@ EXTRA_CAMERAS = 4
 """As many as published."""
 
 FAR = {"taps": 64, "view_taps": 64}
-"""Where surfaces send light however far away they are: with 20 taps a side, what four layers and
+"""Taps where surfaces send light however far away they are: with 20 a side, what four layers and
 overscan add to the Cornell box is lost between them (an RMSE of .39 of the mean, of .17 with 64).
 """
 
@@ -55,7 +55,7 @@ CORRECTIONS: Mapping[str, dict[str, Any]] = {
     "-views": {"views": EXTRA_CAMERAS},
     "-all": {"layers": 4, "overscan": 0.1, "views": EXTRA_CAMERAS},
 }
-"""What a single view misses, and what finds it."""
+"""Additions to a single view that find what it misses."""
 
 
 def bounced(

@@ -19,10 +19,11 @@ from rich.console import Console
 from rich.table import Table
 
 from ssgi_cl.bench.options import device_option
-from ssgi_cl.bench.scene_sets import SETS, SIZE, SceneSets, geometric_mean
+from ssgi_cl.bench.scene_sets import SETS, SIZE, SceneSets
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import KINDS
 from ssgi_cl.techniques.catalogue import TECHNIQUES
+from ssgi_cl.tuning.trials import geometric_mean
 from ssgi_cl.tuning.tunables import entry_of
 
 from . import scan_lights, scan_shadows, scan_views

@@ -13,15 +13,12 @@ from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.sampling import basis, directions, hashed, r2_points, wrapped
 from ssgi_cl.core.scene import Scene
-from ssgi_cl.truth.digests import camera_description, digest, scene_digest
+from ssgi_cl.truth.digests import camera_description, scene_digest
 from ssgi_cl.truth.estimators import versioned
-from ssgi_cl.truth.occlusion import FEWEST_RAYS, MOST_PASSES
-from ssgi_cl.truth.ray_ao import MOST_RAYS, threads
+from ssgi_cl.truth.occlusion import inner_digest, split
+from ssgi_cl.truth.ray_ao import BLOCK_PIXELS, BLOCK_RAYS, threads
 from ssgi_cl.truth.raycast import RayCaster, Spots
 from ssgi_cl.truth.store import Truth, accumulated
-
-_PIXELS = 8192  # of a block, the unit of work of a thread
-_RAYS = 1 << 18  # traced in one go; more of them leave the cache
 
 
 def bent_normals(
@@ -52,11 +49,8 @@ def bent_normals(
     """
     version = ssgi_cl.truth.raycast.embree_version()
     radius = checks.number("radius", radius, low=0, above=True, unit="scene units", infinite=True)
-    rays = checks.integer("rays", rays, low=1, high=MOST_RAYS, unit="rays per pixel")
-    passes = min(max(rays // FEWEST_RAYS, 2), MOST_PASSES)
-    share = -(-rays // passes)
+    passes, share = split(rays)
     caster = RayCaster(scene)
-    arrays = (gbuffer.first(name) for name in ("depth", "normal"))
     sums = accumulated(
         {
             "kind": "bent",
@@ -64,7 +58,7 @@ def bent_normals(
             "camera": camera_description(gbuffer.camera),
             "radius": radius,
             "rays": share,
-            "gbuffer": digest(*(None if array is None else gbuffer.inner(array) for array in arrays)),
+            "gbuffer": inner_digest(gbuffer),
             "embreex": version,
             "estimator": versioned("bent normals"),
         },
@@ -81,7 +75,7 @@ def _means(caster: RayCaster, gbuffer: GBuffer, radius: float, rays: int, seed: 
     """Return the sum of the open directions over the number of rays, [rows, columns, 3]."""
     rows, columns = gbuffer.size
     result = np.zeros((rows * columns, 3), np.float32)
-    height = max(1, _PIXELS // columns)
+    height = max(1, BLOCK_PIXELS // columns)
 
     def work(first: int) -> None:
         spots = caster.spots(gbuffer.camera, slice(first, min(first + height, rows)), gbuffer)
@@ -103,7 +97,7 @@ def _open(caster: RayCaster, spots: Spots, radius: float, rays: int, seed: int) 
     axes = basis(spots.axis)
     reach = np.float32(radius * caster.scale)
     total = np.zeros((count, 3))
-    step = max(1, _RAYS // count)
+    step = max(1, BLOCK_RAYS // count)
     for first in range(0, rays, step):
         point = r2_points(first, min(first + step, rays))
         u, v = (wrapped(point[:, d, None] + shift[d]) for d in (0, 1))

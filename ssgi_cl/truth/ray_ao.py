@@ -35,8 +35,10 @@ BATCHES = 8
 it greater: at 256 rays in cornell_box and hall, 1, 2, 4, 8 and 16 sets have an RMSE in the ratio
 1 : 1.24 : 1.34 : 1.7 : 1.95."""
 
-_PIXELS = 8192  # of a block, the unit of work of a thread
-_RAYS = 1 << 18  # traced in one go; more of them leave the cache
+BLOCK_PIXELS = 8192
+"""Of a block, the unit of work of a thread."""
+BLOCK_RAYS = 1 << 18
+"""Traced in one go; more of them leave the cache."""
 _FIRST_LOOK = 4  # rays of each batch before the error is first compared with the target
 _GROWTH = 1.5  # of the number of rays from one such look to the next
 
@@ -84,7 +86,7 @@ class RayAo:
         rows, columns = camera.size
         visibility = np.ones((rows, columns), np.float32)
         error = np.zeros((rows, columns), np.float32)
-        height = max(1, _PIXELS // columns)
+        height = max(1, BLOCK_PIXELS // columns)
 
         def work(first: int) -> int:
             block = slice(first, min(first + height, rows))
@@ -106,7 +108,7 @@ class RayAo:
         count, batches = len(spots.pixel), settings.batches
         shift = _shifts(spots.pixel, batches, settings.seed)
         sums = np.zeros((batches, count))
-        step = max(1, _RAYS // (batches * count))
+        step = max(1, BLOCK_RAYS // (batches * count))
         start = np.tile(spots.start, (step * batches, 1))
         axes = basis(spots.axis)
         done = 0

@@ -31,7 +31,7 @@ Progress = Callable[[str, float], object]
 
 @dataclass(frozen=True)
 class TruthSettings:
-    """How good the truths are.
+    """Sample counts and options of the truths.
 
     Attributes:
         rays: per pixel, of ambient occlusion.

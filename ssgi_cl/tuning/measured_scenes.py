@@ -1,4 +1,4 @@
-"""The scenes that are measured: built-in ones by name, any other by its file."""
+"""Scenes by name, or by their file."""
 
 from __future__ import annotations
 

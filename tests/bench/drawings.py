@@ -1,4 +1,4 @@
-"""What an SVG of matplotlib holds."""
+"""Contents of an SVG of matplotlib."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What counts as slower or worse."""
+"""Changes that count as slower or worse."""
 
 from __future__ import annotations
 

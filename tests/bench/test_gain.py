@@ -1,4 +1,4 @@
-"""What far more samples would gain, as numbers and as a table."""
+"""Gain of far more samples, as numbers and as a table."""
 
 from __future__ import annotations
 

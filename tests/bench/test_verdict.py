@@ -1,4 +1,4 @@
-"""What the rows of a group say, held to the rows themselves."""
+"""Verdicts on the rows of a group, held to the rows themselves."""
 
 from __future__ import annotations
 

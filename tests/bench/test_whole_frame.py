@@ -11,7 +11,6 @@ from ssgi_cl.bench import suite
 from ssgi_cl.bench.cases import FAMILIES
 from ssgi_cl.bench.cases.frame import MODES
 from ssgi_cl.bench.drawn import STEPS, moving_cameras
-from ssgi_cl.bench.peers import mitsuba_frame
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, BuiltinScene
 from ssgi_cl.truth import store
@@ -57,7 +56,7 @@ def test_frames_and_peers_are_cases_with_time_and_error(runtime: Runtime) -> Non
     assert flips["frame.default"] < flips["frame.multires"] < flips["frame.direct"]
     assert flips["frame-first.default"] == flips["frame.default"]
     assert all(pictures.result.shape == (*SIZE, 3) for pictures in found.pictures.values())
-    if mitsuba_frame.missing():
+    if FAMILIES["mitsuba-frame"].missing():
         assert {entry["name"].split(".")[0] for entry in found.skipped} == {"mitsuba-frame"}
     else:
         assert flips["mitsuba-frame.16"] < flips["mitsuba-frame.1"]

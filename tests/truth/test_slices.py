@@ -1,4 +1,4 @@
-"""What techniques of slices converge to: against formulas, their references and themselves."""
+"""Limits of techniques of slices: against formulas, their references and themselves."""
 
 from __future__ import annotations
 

@@ -374,7 +374,7 @@ def test_results_of_different_seeds_are_independent(nearly_exact: NDArray[np.flo
 def test_size_of_a_block_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     scene, camera = posts()
     first = ray_ao(scene, camera, 1.0, 64)
-    monkeypatch.setattr(module, "_PIXELS", 100)
+    monkeypatch.setattr(module, "BLOCK_PIXELS", 100)
     monkeypatch.setattr(module, "_RAYS", 3000)
     np.testing.assert_array_equal(ray_ao(scene, camera, 1.0, 64), first)
 

@@ -19,6 +19,7 @@ from ssgi_cl.frame.skips import SKIPS
 from ssgi_cl.rasterize.scenes import BuiltinScene
 
 from .skip_scenes import TABLE_SCENES
+from .wording import markdown
 
 SIZE = (400, 300)
 """Columns and rows."""
@@ -152,6 +153,11 @@ def _wins(rows: Sequence[Mapping[str, Any]], name: str) -> str:
     return f"{won} of {len(rows)}"
 
 
+def _pair(ms: Mapping[str, float], before: str, after: str) -> tuple[str, str, str]:
+    """Return two times, and how many times the second one the first is."""
+    return f"{ms[before]:.1f}", f"{ms[after]:.1f}", f"{ms[before] / max(ms[after], 1e-9):.1f}"
+
+
 def page(found: Mapping[str, Any]) -> str:
     """Return the page of what `record` returns."""
     columns, high = found["size"]
@@ -173,33 +179,40 @@ def page(found: Mapping[str, Any]) -> str:
         "",
         f"Device: {found['device']}. Revision {found.get('revision') or 'unknown'}." + found.get("note", ""),
         "",
-        "| scene | seen | " + " | ".join(shown) + " | none / all |",
-        "|---|---:|" + "---:|" * (len(shown) + 1),
-    ]
-    for row in found["rows"]:
-        wall = row["wall"]
-        times = " | ".join(f"{wall[column]:.1f}" for column in shown)
-        seen = f"{100.0 * row['seen']:.0f} %"
-        lines.append(f"| {row['name']} | {seen} | {times} | {wall['none'] / wall[ALL]:.1f} |")
-    lines += [
+        *markdown(
+            ("scene", "seen", *shown, "none / all"),
+            (
+                (
+                    row["name"],
+                    f"{100.0 * row['seen']:.0f} %",
+                    *(f"{row['wall'][column]:.1f}" for column in shown),
+                    f"{row['wall']['none'] / row['wall'][ALL]:.1f}",
+                )
+                for row in found["rows"]
+            ),
+            "l" + "r" * (len(shown) + 2),
+        ),
         "",
         'Wall-clock times of frames with `indirect="ssdo"` (its defaults, both layers shaded), and '
         "device times of the passes of the frames above:",
         "",
-        "| scene | ssdo, none | ssdo, all | none / all | device, none | device, all | none / all |",
-        "|---|---:|---:|---:|---:|---:|---:|",
+        *markdown(
+            ("scene", "ssdo, none", "ssdo, all", "none / all", "device, none", "device, all", "none / all"),
+            ((row["name"], *_pair(row["wall"], *SSDO), *_pair(row["ms"], "none", ALL)) for row in found["rows"]),
+            "lrrrrrr",
+        ),
+        "",
+        *markdown(
+            ("skip", "leaves out", "wins on"),
+            ((f"`{name}`", meaning, _wins(found["rows"], name)) for name, meaning in SKIPS.items()),
+            "llr",
+        ),
+        "",
+        "Skipped with all skips, the camera moving:",
+        "",
+        *(f"- {row['name']}: " + ("; ".join(dict.fromkeys(row["skipped"])) or "nothing") for row in found["rows"]),
+        "",
+        "Made by `make figures`.",
+        "",
     ]
-    for row in found["rows"]:
-        pairs = ((row["wall"], SSDO), (row["ms"], ("none", ALL)))
-        cells = [
-            f"{ms[before]:.1f} | {ms[after]:.1f} | {ms[before] / max(ms[after], 1e-9):.1f}"
-            for ms, (before, after) in pairs
-        ]
-        lines.append(f"| {row['name']} | " + " | ".join(cells) + " |")
-    lines += ["", "| skip | leaves out | wins on |", "|---|---|---:|"]
-    lines += [f"| `{name}` | {meaning} | {_wins(found['rows'], name)} |" for name, meaning in SKIPS.items()]
-    lines += ["", "Skipped with all skips, the camera moving:", ""]
-    for row in found["rows"]:
-        lines.append(f"- {row['name']}: " + ("; ".join(dict.fromkeys(row["skipped"])) or "nothing"))
-    lines += ["", "Made by `make figures`.", ""]
     return "\n".join(lines)

@@ -20,6 +20,7 @@ from .verdict import guides, verdict
 from .wording import (
     calibration_line,
     device_milliseconds,
+    markdown,
     milliseconds,
     number,
     quartiles,
@@ -34,11 +35,10 @@ if TYPE_CHECKING:
     from .suite import Pictures
 
 _HEAD = (
-    "| | case | ms | quartiles | device ms | RMSE | bias | MRSE | SSIM | FLIP | RMSE of the model "
-    "| its bias | counted |"
+    *("", "case", "ms", "quartiles", "device ms", "RMSE", "bias", "MRSE", "SSIM", "FLIP"),
+    *("RMSE of the model", "its bias", "counted"),
 )
 TRIAL = "A trial of the recording, at a tiny size with few rays on a busy machine: these figures say nothing."
-_RULE = "|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---|"
 LEGEND = (
     "ms: median wall time of a frame, and the quartiles of the runs. It counts what a caller pays "
     "for the result beyond the base G-buffer (one layer, no overscan), which everything here gets "
@@ -138,7 +138,7 @@ def page(document: Mapping[str, Any], stem: str) -> str:
             lines += [f"![{title(key)}: error over time]({name}.svg)", ""]
         said = verdict(results)
         lines += [said, ""] if said else []
-        lines += [_HEAD, _RULE, *map(_row, results)]
+        lines += markdown(_HEAD, map(_row, results), "llrrrrrrrrrrl")
         if strip:
             case = strip.rsplit(".", 2)[0]
             lines += [
@@ -159,8 +159,7 @@ def _guides(document: Mapping[str, Any]) -> list[str]:
         return []
     lines = ["", "## The least error within a time", "", "Setting and RMSE, by median wall time."]
     for case, (head, *rows) in found.items():
-        lines += ["", f"{case}:", "", f"| {' | '.join(head)} |", "|---:|" + "---|" * len(head[1:])]
-        lines += (f"| {' | '.join(cells)} |" for cells in rows)
+        lines += ["", f"{case}:", "", *markdown(head, rows, "r" + "l" * len(head[1:]))]
     return lines
 
 
@@ -199,12 +198,12 @@ def _strip(of: Pictures) -> Image.Image:
     return strip
 
 
-def _row(result: Mapping[str, Any]) -> str:
+def _row(result: Mapping[str, Any]) -> tuple[str, ...]:
     world = [
         number(metric(result, "world", name), "+" if name == "bias" else "")
         for name in ("bias", "mrse", "ssim", "flip")
     ]
-    cells = (
+    return (
         star(result).replace("*", "\\*"),
         short_name(result),
         milliseconds(result),
@@ -216,7 +215,6 @@ def _row(result: Mapping[str, Any]) -> str:
         number(metric(result, "assumption", "bias"), "+"),
         result.get("counted") or "",
     )
-    return f"| {' | '.join(cells)} |"
 
 
 def _drawing(key: Group, results: list[dict[str, Any]]) -> str:

@@ -21,6 +21,8 @@ from ssgi_cl.techniques.multires.multires_splat import MultiresSplat, MultiresSp
 from ssgi_cl.techniques.rsm.rsm_gather import rsm_gather
 from ssgi_cl.techniques.vpl.vpl_splat import VplSplat, VplSplatParams
 
+from .wording import markdown
+
 Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]
 
@@ -201,11 +203,8 @@ def page(found: Mapping[str, Any]) -> str:
 
 def _table(what: str, rows: Sequence[Mapping[str, Any]]) -> list[str]:
     heads = list(rows[0]["errors"])
-    lines = [f"| {what} | count | {' | '.join(heads)} |", "|---|---:|" + "---:|" * len(heads)]
-    for row in rows:
-        cells = " | ".join(_digits(row["errors"][head]) for head in heads)
-        lines.append(f"| {row['terms']} | {row['count']} | {cells} |")
-    return lines
+    cells = ((row["terms"], str(row["count"]), *(_digits(row["errors"][head]) for head in heads)) for row in rows)
+    return markdown((what, "count", *heads), cells, "lr" + "r" * len(heads))
 
 
 def _largest(rows: Sequence[Mapping[str, Any]]) -> float:

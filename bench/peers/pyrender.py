@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-import time
+import statistics
+import timeit
 import weakref
 from importlib import import_module
 from typing import Any
@@ -70,13 +71,9 @@ def median_ms(scene: Scene, camera: Camera, name: str, repeats: int = 5) -> floa
         MissingExtraError: pyrender, EGL or an OpenGL driver is missing.
     """
     frames = Frames(scene, camera, name)
-    times = []
-    for _ in range(max(1, repeats)):
-        start = time.perf_counter()
-        frames.draw()
-        times.append(time.perf_counter() - start)
+    seconds = timeit.repeat(frames.draw, number=1, repeat=repeats)
     frames.close()
-    return 1e3 * float(np.median(times))
+    return 1e3 * statistics.median(seconds)
 
 
 def missing() -> str:

@@ -13,7 +13,7 @@ occludes itself, the more so the fewer pixels show it.
 from __future__ import annotations
 
 import statistics
-import time
+import timeit
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -93,12 +93,7 @@ class Picture:
     def _plain_ms(self) -> float:
         """Return the median time of a frame without SSAO, after one that uploads the scene."""
         self.draw()
-        times = []
-        for _ in range(PLAIN_RUNS):
-            start = time.perf_counter()
-            self.draw()
-            times.append(time.perf_counter() - start)
-        return 1e3 * statistics.median(times)
+        return 1e3 * statistics.median(timeit.repeat(self.draw, number=1, repeat=PLAIN_RUNS))
 
 
 def missing() -> str:

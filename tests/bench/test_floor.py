@@ -17,8 +17,7 @@ from ssgi_cl.rasterize.scenes import cornell_box
 from ssgi_cl.tuning.case import Case
 from ssgi_cl.tuning.context import Context, TruthSettings
 
-from .documents import entry, whole
-from .drawings import marked, path_points, texts
+from .documents import entry, marked, path_points, texts, whole
 
 pytest.importorskip("embreex", reason="embreex is not installed (extra 'truth')")
 

@@ -13,8 +13,7 @@ from PIL import Image
 from ssgi_cl.bench import front, summary
 from ssgi_cl.bench.suite import Pictures
 
-from .documents import entry, whole
-from .drawings import texts
+from .documents import entry, texts, whole
 
 pytest.importorskip("matplotlib", reason="matplotlib is not installed (extra 'plots')")
 

@@ -241,18 +241,14 @@ def written_as(value: Any, indent: str = "") -> str:
     An object or list is broken into lines only if it does not fit in one or holds settings.
     """
     line = json.dumps(value)
-    if not isinstance(value, (dict, list)) or len(line) <= 100 or _is_one(value):
+    is_one = isinstance(value, dict) and not value.keys().isdisjoint(("parameters", "digest"))
+    if not isinstance(value, (dict, list)) or len(line) <= 100 or is_one:
         return line
     inner = indent + " "
     if isinstance(value, dict):
         parts = [f"{inner}{json.dumps(key)}: {written_as(item, inner)}" for key, item in value.items()]
         return "{\n" + ",\n".join(parts) + f"\n{indent}}}"
     return "[\n" + ",\n".join(inner + written_as(item, inner) for item in value) + f"\n{indent}]"
-
-
-def _is_one(value: Any) -> bool:
-    """Return whether this is a setting with its figures, or a scene with its views."""
-    return isinstance(value, dict) and not value.keys().isdisjoint(("parameters", "digest"))
 
 
 @click.command()

@@ -12,7 +12,7 @@ from PIL import Image
 
 from ssgi_cl.core import atomic
 
-from .document import Group, groups, metric
+from .document import groups, metric
 from .peers import PEERS
 from .pictures import OCCLUSION_RANGE, encoded, error_colors, exposure_of
 from .plot import has_plot, looks, plot
@@ -100,11 +100,10 @@ def strips(document: Mapping[str, Any], pictures: Mapping[str, Pictures]) -> lis
 
 def plots(document: Mapping[str, Any], stem: str) -> dict[str, str]:
     """Return name of a file, without its ending -> SVG, of each group that has a plot."""
-    grouped = groups(document["results"])
-    drawn = {
-        name: _drawing(key, results)
-        for name, (key, results) in zip(_names(document, stem), grouped.items(), strict=True)
-    }
+    drawn = {}
+    for name, (key, results) in zip(_names(document, stem), groups(document["results"]).items(), strict=True):
+        shown = sorted({r["family"] for r in results if metric(r, "world", "rmse") is not None})
+        drawn[name] = plot(results, looks(shown, list(PEERS)), title(key), key[0])
     return {name: drawing for name, drawing in drawn.items() if drawing}
 
 
@@ -215,9 +214,3 @@ def _row(result: Mapping[str, Any]) -> tuple[str, ...]:
         number(metric(result, "assumption", "bias"), "+"),
         result.get("counted") or "",
     )
-
-
-def _drawing(key: Group, results: list[dict[str, Any]]) -> str:
-    """Return the plot as a file of its own; "" if there is nothing to draw."""
-    shown = sorted({r["family"] for r in results if metric(r, "world", "rmse") is not None})
-    return plot(results, looks(shown, list(PEERS)), title(key), key[0])

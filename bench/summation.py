@@ -174,6 +174,7 @@ def measured(runtime: Runtime) -> dict[str, Any]:
 
 def page(found: Mapping[str, Any]) -> str:
     """Return the page of what `measured` returns."""
+    largest = max(max(row["errors"].values()) for row in found["techniques"])
     lines = [
         "# Sums of many lights",
         "",
@@ -193,7 +194,7 @@ def page(found: Mapping[str, Any]) -> str:
         "",
         "Choice: blocks (rsm_gather: of 256 and no batches). They cost one addition in 64 and need "
         "two sums of each colour; the largest error of a technique above is "
-        f"{_digits(_largest(found['techniques']))}. Halves would need a sum for each "
+        f"{_digits(largest)}. Halves would need a sum for each "
         "level, compensation three further operations on each colour of each light, a third of "
         "what a light costs in all, for digits that a form factor in float32 has not.",
         "",
@@ -205,10 +206,6 @@ def _table(what: str, rows: Sequence[Mapping[str, Any]]) -> list[str]:
     heads = list(rows[0]["errors"])
     cells = ((row["terms"], str(row["count"]), *(_digits(row["errors"][head]) for head in heads)) for row in rows)
     return markdown((what, "count", *heads), cells, "lr" + "r" * len(heads))
-
-
-def _largest(rows: Sequence[Mapping[str, Any]]) -> float:
-    return max(float(error) for row in rows for error in row["errors"].values())
 
 
 def _digits(error: float) -> str:

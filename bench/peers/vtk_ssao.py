@@ -47,6 +47,9 @@ class Picture:
     Args:
         context: whose scene, camera and size it has.
         points: kernel size of the SSAO pass.
+
+    Attributes:
+        plain_ms: median time of a frame without SSAO.
     """
 
     def __init__(self, context: Context, points: int) -> None:
@@ -66,7 +69,8 @@ class Picture:
         _aim(self._renderer.GetActiveCamera(), context)
         self._window = _window(context.size[1], context.size[0])
         self._window.AddRenderer(self._renderer)
-        self.plain_ms = self._plain_ms()
+        self.draw()  # uploads the scene
+        self.plain_ms = 1e3 * statistics.median(timeit.repeat(self.draw, number=1, repeat=PLAIN_RUNS))
         self._renderer.SetPass(self._pass)
 
     def draw(self) -> None:
@@ -89,11 +93,6 @@ class Picture:
         depth = import_module("vtkmodules.vtkCommonCore").vtkFloatArray()
         self._window.GetZbufferData(0, 0, columns - 1, rows - 1, depth)
         return _array(depth).reshape(rows, columns)[::-1] < 1.0
-
-    def _plain_ms(self) -> float:
-        """Return the median time of a frame without SSAO, after one that uploads the scene."""
-        self.draw()
-        return 1e3 * statistics.median(timeit.repeat(self.draw, number=1, repeat=PLAIN_RUNS))
 
 
 def missing() -> str:

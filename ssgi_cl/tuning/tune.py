@@ -183,7 +183,7 @@ class Session:
         Raises:
             ValueError: the technique refuses all that was tried.
         """
-        total = expected_trials(len(self._axes), rounds)
+        total = 64 + 40 * (rounds - 1) + 12 * len(self._axes)  # trials of a search, roughly
         before = len(self.trials.tried)
         refused: list[ValueError] = []
 
@@ -240,8 +240,3 @@ class Session:
             "truth": {"rays": self._truth.rays, "attenuation": self._truth.attenuation, "weighting": "cosine"},
             "scenes": tuple(described(self._views, self._fixed.get("radius"))),
         }
-
-
-def expected_trials(axes: int, rounds: int) -> int:
-    """Return about how many trials a search takes, for progress."""
-    return 64 + 40 * (rounds - 1) + 12 * axes

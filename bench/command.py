@@ -18,7 +18,7 @@ from ssgi_cl.truth import store
 from ssgi_cl.tuning.context import TruthSettings
 from ssgi_cl.tuning.measured_scenes import views_of
 
-from . import compare, document, front, suite, summary, table
+from . import compare, document, suite, summary, table
 from .cases import FAMILIES, OWN
 from .options import (
     PixelSize,
@@ -32,6 +32,7 @@ from .options import (
     progress_bar,
 )
 from .plot import require_plots
+from .verdict import mark
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -165,7 +166,7 @@ def bench_command(
                 families=families,
                 report=step,
             )
-        front.mark(found.results)
+        mark(found.results)
         doc = {**document.stamp(runtime), **suite.entries(found, settings, seconds)}
         if output is not None:
             document.write(output, doc)

@@ -23,12 +23,13 @@ from ssgi_cl.tuning.case import Case
 from ssgi_cl.tuning.context import TruthSettings
 from ssgi_cl.tuning.measured_scenes import MissingMeshError, views_of
 
-from . import document, figure_text, front, skips, suite, summary, summation
+from . import document, figure_text, skips, suite, summary, summation
 from .figure_tables import VISIBILITY
 from .options import device_option, meshes_option
 from .plot import require_plots
 from .scene_sets import MESH_VIEWS
 from .skips import ROUNDS
+from .verdict import mark
 from .wording import revision
 
 QUICK: Size = (72, 96)
@@ -199,7 +200,7 @@ def record(
         report=report,
     )
     found.skipped += absent
-    front.mark(found.results)
+    mark(found.results)
     made = {**stamp, "quick": quick, **suite.entries(found, truths, seconds)}
     if name == "benchmark":
         # Plots are those of the numbers as they are recorded.

@@ -13,9 +13,9 @@ import pytest
 from click import ClickException
 from click.testing import CliRunner
 
-from ssgi_cl.bench import document, figure_tables, figure_text, figures, front, suite
+from ssgi_cl.bench import document, figure_tables, figure_text, figures, suite
 from ssgi_cl.bench.cases import FAMILIES
-from ssgi_cl.bench.verdict import verdict
+from ssgi_cl.bench.verdict import mark, verdict
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, cornell_box
 from ssgi_cl.tuning.case import Case
 
@@ -77,7 +77,7 @@ def test_no_published_verdict_contradicts_a_row(name: str) -> None:
 def test_marks_of_the_recorded_front_are_those_of_its_rows(name: str) -> None:
     found = figure_text.recorded(ROOT, name)
     before = [(r["front"], r["near"]) for r in found["results"]]
-    front.mark(found["results"])
+    mark(found["results"])
     assert [(r["front"], r["near"]) for r in found["results"]] == before
 
 

@@ -9,9 +9,10 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from ssgi_cl.bench import front, suite, summary, table
+from ssgi_cl.bench import suite, summary, table
 from ssgi_cl.bench.cases import FAMILIES
 from ssgi_cl.bench.plot import looks, plot
+from ssgi_cl.bench.verdict import mark
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import cornell_box
 from ssgi_cl.tuning.case import Case
@@ -53,7 +54,7 @@ def documented() -> list[dict[str, Any]]:
         entry("gtao.2x9.hall.8x6", 2.0, 0.08),
         entry("embree.16.hall.8x6", 9.0, 0.05),
     ]
-    front.mark(results)
+    mark(results)
     return results
 
 

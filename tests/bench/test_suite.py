@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssgi_cl.bench import document, front, suite
+from ssgi_cl.bench import document, suite
 from ssgi_cl.bench.cases import FAMILIES, OWN
+from ssgi_cl.bench.verdict import mark
 from ssgi_cl.core import lights
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import BuiltinScene, cornell_box
@@ -89,7 +90,7 @@ def test_every_usual_case_of_ours_can_be_measured(runtime: Runtime) -> None:
 
 def test_measured_cases_make_a_document_that_can_be_read_again(runtime: Runtime, tmp_path: Any) -> None:
     found = measured(runtime, "ssao.4", "blur.2", "gbuffer.1")
-    front.mark(found.results)
+    mark(found.results)
     written = {**document.stamp(runtime), **suite.entries(found, QUICK, 1.0)}
     document.write(tmp_path / "found.json", written)
     again = document.read(tmp_path / "found.json")

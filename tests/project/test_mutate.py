@@ -121,7 +121,7 @@ def test_the_choice_is_that_of_the_seed_and_none_comes_twice() -> None:
         ("ssgi_cl/core/camera.py", "tests/core/test_camera.py"),
         ("ssgi_cl/techniques/direct/light_data.py", "tests/techniques/direct/test_shade.py"),
         ("rasterize/files/gltf_nodes.py", "tests/rasterize/test_load.py"),
-        ("bench/front.py", "tests/bench/test_front.py"),
+        ("bench/plot.py", "tests/bench/test_plot.py"),
     ],
 )
 def test_a_file_is_covered_by_the_tests_of_its_name_or_its_users(graph: Covering, path: str, test: str) -> None:
@@ -157,7 +157,7 @@ def test_mutants_are_killed_or_survive_in_a_copy() -> None:
     path = "ssgi_cl/io/png.py"
     before = (ROOT / path).read_bytes()
     table = Table.read(TABLE)
-    table.tests[path] = ["test_png.py"]
+    table.tests[path] = ["io/test_png.py"]
     campaign = Campaign(ROOT, table, 60.0, lambda text: None)
     at = before.index(b"def ")
     broken = Mutant.of(path, Edit("removed", at, at, "1 / 0\n"), before)

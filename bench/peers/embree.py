@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.sampling import basis, directions, hashed, r2_points, wrapped
+from ssgi_cl.truth.bent_normals import cosine_rays
 from ssgi_cl.truth.ray_ao import MOST_RAYS, Settings
 from ssgi_cl.truth.raycast import RayCaster
 from ssgi_cl.tuning.case import Family, Subject, count_of
@@ -52,11 +52,7 @@ class Rays:
         every = slice(0, context.size[0])
         spots = self._tree.spots(context.camera, every, context.host_gbuffer)
         self._pixel = spots.pixel
-        number = spots.pixel.astype(np.uint64)[None, :] * np.uint64(2) + np.arange(2, dtype=np.uint64)[:, None]
-        shift, point = hashed(number, SEED), r2_points(0, rays)
-        u, v = (wrapped(point[:, axis, None, None] + shift[axis]) for axis in (0, 1))
-        way = directions(u, v, basis(spots.axis), "cosine")[:, 0]
-        below = np.einsum("knd,nd->kn", way, spots.normal) <= 0.0
+        way, below = cosine_rays(spots, 0, rays, SEED)
         reach = np.float32(context.radius * self._tree.scale)
         self._start = np.ascontiguousarray(np.tile(spots.start, (rays, 1)), np.float32)
         self._way = np.ascontiguousarray(way.reshape(-1, 3), np.float32)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,7 @@ from ssgi_cl.core.scene import Scene
 from ssgi_cl.truth.digests import camera_description, scene_digest
 from ssgi_cl.truth.estimators import versioned
 from ssgi_cl.truth.occlusion import inner_digest, split
-from ssgi_cl.truth.ray_ao import BLOCK_PIXELS, BLOCK_RAYS, threads
+from ssgi_cl.truth.ray_ao import BLOCK_RAYS, in_blocks
 from ssgi_cl.truth.raycast import RayCaster, Spots
 from ssgi_cl.truth.store import Truth, accumulated
 
@@ -73,38 +72,40 @@ def bent_normals(
 
 def _means(caster: RayCaster, gbuffer: GBuffer, radius: float, rays: int, seed: int) -> NDArray[np.float32]:
     """Return the sum of the open directions over the number of rays, [rows, columns, 3]."""
-    rows, columns = gbuffer.size
-    result = np.zeros((rows * columns, 3), np.float32)
-    height = max(1, BLOCK_PIXELS // columns)
+    result = np.zeros((gbuffer.size[0] * gbuffer.size[1], 3), np.float32)
 
-    def work(first: int) -> None:
-        spots = caster.spots(gbuffer.camera, slice(first, min(first + height, rows)), gbuffer)
+    def work(block: slice) -> None:
+        spots = caster.spots(gbuffer.camera, block, gbuffer)
         if len(spots.pixel):
             result[spots.pixel] = _open(caster, spots, radius, rays, seed)
 
-    with ThreadPoolExecutor(threads()) as pool:
-        for _ in pool.map(work, range(0, rows, height)):
-            pass
-    return result.reshape(rows, columns, 3)
+    in_blocks(gbuffer.size, work)
+    return result.reshape(*gbuffer.size, 3)
 
 
 def _open(caster: RayCaster, spots: Spots, radius: float, rays: int, seed: int) -> NDArray[np.float64]:
     """Return the mean over the rays of each spot, a ray that meets something being 0."""
     count = len(spots.pixel)
-    # Each pixel moves the points by other numbers round the unit square (Cranley-Patterson).
-    keys = spots.pixel.astype(np.uint64)[None, :] * np.uint64(2)
-    shift = hashed(keys + np.arange(2, dtype=np.uint64)[:, None], seed)
-    axes = basis(spots.axis)
     reach = np.float32(radius * caster.scale)
     total = np.zeros((count, 3))
     step = max(1, BLOCK_RAYS // count)
     for first in range(0, rays, step):
-        point = r2_points(first, min(first + step, rays))
-        u, v = (wrapped(point[:, d, None] + shift[d]) for d in (0, 1))
-        way = directions(u, v, axes, "cosine")
-        below = np.einsum("knd,nd->kn", way, spots.normal) <= 0.0
+        way, below = cosine_rays(spots, first, min(first + step, rays), seed)
         reaches = np.where(below, np.float32(-1.0), reach)  # negative: not traced
         start = np.broadcast_to(spots.start, way.shape).reshape(-1, 3)
-        blocked = caster.blocked(start, way.reshape(-1, 3), reaches.ravel()).reshape(u.shape)
+        blocked = caster.blocked(start, way.reshape(-1, 3), reaches.ravel()).reshape(below.shape)
         total += np.einsum("knd,kn->nd", way, (~(blocked | below)).astype(np.float32))
     return total / rays
+
+
+def cosine_rays(spots: Spots, first: int, last: int, seed: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Return directions [rays, spots, 3] and which start into their surface [rays, spots].
+
+    Each pixel moves the points by other numbers round the unit square (Cranley-Patterson).
+    """
+    keys = spots.pixel.astype(np.uint64)[None, :] * np.uint64(2)
+    shift = hashed(keys + np.arange(2, dtype=np.uint64)[:, None], seed)
+    point = r2_points(first, last)
+    u, v = (wrapped(point[:, d, None] + shift[d]) for d in (0, 1))
+    way = directions(u, v, basis(spots.axis), "cosine")
+    return way, np.einsum("knd,nd->kn", way, spots.normal) <= 0.0

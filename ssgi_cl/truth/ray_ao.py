@@ -86,21 +86,15 @@ class RayAo:
         rows, columns = camera.size
         visibility = np.ones((rows, columns), np.float32)
         error = np.zeros((rows, columns), np.float32)
-        height = max(1, BLOCK_PIXELS // columns)
 
-        def work(first: int) -> int:
-            block = slice(first, min(first + height, rows))
+        def work(block: slice) -> None:
             spots = self._caster.spots(camera, block, gbuffer)
             if len(spots.pixel):
                 occluded, deviation = self.occlusion(spots, settings)
                 visibility.ravel()[spots.pixel] = np.clip(1.0 - occluded, 0.0, 1.0)
                 error.ravel()[spots.pixel] = deviation
-            return block.stop
 
-        with ThreadPoolExecutor(threads()) as pool:
-            for done in pool.map(work, range(0, rows, height)):
-                if progress is not None:
-                    progress(done / rows)
+        in_blocks((rows, columns), work, progress)
         return visibility, error
 
     def occlusion(self, spots: Spots, settings: Settings) -> tuple[Doubles, Doubles]:
@@ -230,6 +224,19 @@ def _mean_and_error(batches: Doubles) -> tuple[Doubles, Doubles]:
         return mean, np.full_like(mean, np.inf)
     deviation: Doubles = batches.std(axis=0, ddof=1) / math.sqrt(len(batches))
     return mean, deviation
+
+
+def in_blocks(
+    size: tuple[int, int], work: Callable[[slice], None], progress: Callable[[float], object] | None = None
+) -> None:
+    """Call `work` with blocks of the rows of an image of a size (rows, columns), in threads."""
+    rows, columns = size
+    height = max(1, BLOCK_PIXELS // columns)
+    blocks = [slice(first, min(first + height, rows)) for first in range(0, rows, height)]
+    with ThreadPoolExecutor(threads()) as pool:
+        for block, _ in zip(blocks, pool.map(work, blocks), strict=True):
+            if progress is not None:
+                progress(block.stop / rows)
 
 
 def threads() -> int:

@@ -20,14 +20,11 @@ from ssgi_cl.tuning.context import Context, TruthSettings
 
 from .documents import entry, marked, path_points, texts, whole
 
+pytestmark = pytest.mark.usefixtures("own_store")
+
 pytest.importorskip("embreex", reason="embreex is not installed (extra 'truth')")
 
 FLOOR = {"timed": False, "device_ms": None}
-
-
-@pytest.fixture(autouse=True)
-def own_store(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("SSGI_CL_CACHE", str(tmp_path))
 
 
 def test_more_layers_have_a_lower_floor_and_no_time(runtime: Runtime) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -18,12 +16,9 @@ from ssgi_cl.techniques.ao.ssao import SsaoParams
 from ssgi_cl.tuning.case import Case
 from ssgi_cl.tuning.context import Context, TruthSettings
 
+pytestmark = pytest.mark.usefixtures("own_store")
+
 SMALL = (45, 60)
-
-
-@pytest.fixture(autouse=True)
-def own_store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("SSGI_CL_CACHE", str(tmp_path))
 
 
 def measured(runtime: Runtime, *names: str) -> suite.Measurements:

@@ -19,13 +19,10 @@ from ssgi_cl.rasterize.scenes import BuiltinScene, cornell_box
 from ssgi_cl.tuning.case import Case, Family, Subject
 from ssgi_cl.tuning.context import Context, TruthSettings
 
+pytestmark = pytest.mark.usefixtures("own_store")
+
 SMALL = (30, 40)
 QUICK = TruthSettings(rays=4, paths=2, points=4)
-
-
-@pytest.fixture(autouse=True)
-def own_store(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("SSGI_CL_CACHE", str(tmp_path))
 
 
 def measured(

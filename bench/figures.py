@@ -335,21 +335,12 @@ def main(
         check_tree(stamp, allow_dirty=allow_dirty)
         for name in only or (*PLANS, *OTHERS):
             report(f"{name} of revision {revision(stamp)}")
-            write(
-                root,
-                name,
-                record(
-                    name,
-                    stamp,
-                    runtime,
-                    meshes,
-                    root,
-                    quick=quick,
-                    rebuild=not keep_truths,
-                    seconds=0.02 if quick else seconds,
-                    report=report,
-                ),
-            )
+            options: dict[str, Any] = {
+                "quick": quick,
+                "rebuild": not keep_truths,
+                "seconds": 0.02 if quick else seconds,
+            }
+            write(root, name, record(name, stamp, runtime, meshes, root, report=report, **options))
     with contextlib.suppress(FileNotFoundError):  # not all documents are recorded yet
         for name in render(root):
             click.echo(f"wrote {name}")

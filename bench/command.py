@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import click
 from rich.console import Console
@@ -17,7 +18,7 @@ from ssgi_cl.truth import store
 from ssgi_cl.tuning.context import TruthSettings
 from ssgi_cl.tuning.measured_scenes import views_of
 
-from . import compare, document, front, suite, summary, table
+from . import compare, document, suite, summary, table
 from .cases import FAMILIES, OWN
 from .options import (
     PixelSize,
@@ -31,66 +32,62 @@ from .options import (
     progress_bar,
 )
 from .plot import require_plots
+from .verdict import mark
 
-SIZE = "800x600"
+F = TypeVar("F", bound=Callable[..., Any])
 
 
-_patterns = click.argument("patterns", nargs=-1, metavar="[CASE...]")
-_scenes = click.option(
-    "--scene",
-    "scenes",
-    multiple=True,
-    metavar="NAME|FILE",
-    default=REPORTED,
-    show_default=True,
-    help="A built-in scene, a mesh, or a view: a .json file with mesh, camera (as of `ssgi render "
-    "--camera`) and ao_radius; several times.",
+def _samples(name: str, default: int, meaning: str) -> Callable[[F], F]:
+    """Return an option of a number of samples of a truth, by its name in `TruthSettings`."""
+    bounds = click.IntRange(2, 1 << 20)
+    return click.option(f"--truth-{name}", name, default=default, show_default=True, type=bounds, help=meaning)
+
+
+_CASES = (
+    click.argument("patterns", nargs=-1, metavar="[CASE...]"),
+    click.option(
+        "--scene",
+        "scenes",
+        multiple=True,
+        metavar="NAME|FILE",
+        default=REPORTED,
+        show_default=True,
+        help="A built-in scene, a mesh, or a view: a .json file with mesh, camera (as of `ssgi render "
+        "--camera`) and ao_radius; several times.",
+    ),
+    meshes_option,
+    click.option(
+        "--size",
+        "sizes",
+        multiple=True,
+        type=PixelSize(),
+        default=("800x600",),
+        show_default=True,
+        help="Of the image in pixels; several times.",
+    ),
+    device_option,
+    _samples("rays", 512, "Rays per pixel of true occlusion."),
+    _samples("paths", 256, "Paths per pixel of true light."),
+    _samples("points", 512, "Points per pixel of what a screen-space technique converges to."),
+    click.option(
+        "--attenuation",
+        default="none",
+        show_default=True,
+        type=click.Choice(["none", "linear", "quadratic", "exponential"]),
+        help="How true occlusion fades with distance.",
+    ),
 )
-_sizes = click.option(
-    "--size",
-    "sizes",
-    multiple=True,
-    type=PixelSize(),
-    default=(SIZE,),
-    show_default=True,
-    help="Of the image in pixels; several times.",
-)
-_rays = click.option(
-    "--truth-rays",
-    default=512,
-    show_default=True,
-    type=click.IntRange(2, 1 << 20),
-    help="Rays per pixel of true occlusion.",
-)
-_paths = click.option(
-    "--truth-paths",
-    default=256,
-    show_default=True,
-    type=click.IntRange(2, 1 << 20),
-    help="Paths per pixel of true light.",
-)
-_points = click.option(
-    "--truth-points",
-    default=512,
-    show_default=True,
-    type=click.IntRange(2, 1 << 20),
-    help="Points per pixel of what a screen-space technique converges to.",
-)
-_attenuation = click.option(
-    "--attenuation",
-    default="none",
-    show_default=True,
-    type=click.Choice(["none", "linear", "quadratic", "exponential"]),
-    help="How true occlusion fades with distance.",
-)
+"""Argument and options that say which cases, and what they are held to."""
+
+
+def _takes_cases(command: F) -> F:
+    for decorate in reversed(_CASES):
+        command = decorate(command)
+    return command
 
 
 @click.command("bench")
-@_patterns
-@_scenes
-@meshes_option
-@_sizes
-@device_option
+@_takes_cases
 @click.option("--lanes", type=int, help="Force 1, 8 or 16 lanes.")
 @click.option("--storage", type=click.Choice(["buffer", "image"]), help="Force what kernels read.")
 @click.option(
@@ -102,10 +99,6 @@ _attenuation = click.option(
 )
 @click.option("--no-errors", is_flag=True, help="Measure times only.")
 @own_option
-@_rays
-@_paths
-@_points
-@_attenuation
 @output_option
 @click.option(
     "--markdown", type=click.Path(path_type=Path), help="Write a summary, .md, with plots and pictures beside it."
@@ -161,7 +154,7 @@ def bench_command(
             for case in cases:
                 click.echo(case.name)
             return
-        settings = _truth_settings(truths)
+        settings = TruthSettings(**truths)
         with progress_bar() as step:
             found = suite.measure(
                 cases,
@@ -173,7 +166,7 @@ def bench_command(
                 families=families,
                 report=step,
             )
-        front.mark(found.results)
+        mark(found.results)
         doc = {**document.stamp(runtime), **suite.entries(found, settings, seconds)}
         if output is not None:
             document.write(output, doc)
@@ -193,19 +186,11 @@ def bench_command(
 
 
 @click.command("truth")
-@_patterns
-@_scenes
-@meshes_option
-@_sizes
-@device_option
-@_rays
-@_paths
-@_points
-@_attenuation
+@_takes_cases
 @click.option("--rebuild", is_flag=True, help="Make them anew, in place of those that are kept.")
 @click.option("--list", "only_list", is_flag=True, help="List what is kept, and its size.")
 @click.option("--clear", is_flag=True, help="Delete what is kept.")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@json_option
 def truth_command(
     patterns: tuple[str, ...],
     scenes: tuple[str, ...],
@@ -230,7 +215,7 @@ def truth_command(
         if not only_list:
             runtime = Runtime.open(device)
             views = views_of(scenes, runtime, meshes)
-            settings = _truth_settings(truths, rebuild=rebuild)
+            settings = TruthSettings(**truths, rebuild=rebuild)
             with progress_bar() as step:
                 wrong = suite.make_truths(
                     suite.select(patterns, list(views), sizes), views, runtime, settings, report=step
@@ -247,15 +232,8 @@ def truth_command(
 def _list_truths(as_json: bool) -> None:
     entries = store.stored()
     if as_json:
-        click.echo(
-            json.dumps(
-                [
-                    {"file": str(entry.path), "bytes": entry.bytes, "description": entry.description}
-                    for entry in entries
-                ],
-                indent=1,
-            )
-        )
+        files = [{"file": str(entry.path), "bytes": entry.bytes, "description": entry.description} for entry in entries]
+        click.echo(json.dumps(files, indent=1))
         return
     for entry in entries:
         click.echo(f"{entry.path.name}  {entry.bytes / 2**20:.1f} MiB  {_size_text(entry)}")
@@ -268,16 +246,6 @@ def _size_text(entry: store.Stored) -> str:
         return "unreadable"
     rows, columns = entry.description["camera"]["size"]
     return f"{columns} x {rows}{', not finished' if '.partial' in entry.path.suffixes else ''}"
-
-
-def _truth_settings(options: dict[str, Any], *, rebuild: bool = False) -> TruthSettings:
-    return TruthSettings(
-        rays=options["truth_rays"],
-        paths=options["truth_paths"],
-        points=options["truth_points"],
-        attenuation=options["attenuation"],
-        rebuild=rebuild,
-    )
 
 
 def _compare(before: Path, after: Path) -> None:

@@ -1,4 +1,4 @@
-"""What got slower or worse from one run of the benchmark to another, beyond noise."""
+"""Comparison of two runs of the benchmark: changes of time and error beyond noise."""
 
 from __future__ import annotations
 
@@ -24,10 +24,15 @@ _NOT_OF_TRUTH = ("seconds", "repeats", "runs")
 """Options on which a truth does not depend."""
 
 
+STYLES = {"slower": "bold red", "worse": "bold red", "faster": "green", "better": "green"}
+"""Verdicts on changes beyond noise, of time and of an RMSE, in the order in which they are shown."""
+
+
 @dataclass(frozen=True)
 class Change:
-    """A number of a case that moved: its ratio to the reference case, or an RMSE."""
+    """A number of a case that moved: its ratio to the reference case, or an RMSE; `verdict`: of `STYLES`."""
 
+    verdict: str
     name: str
     what: str
     before: float
@@ -36,11 +41,10 @@ class Change:
 
 @dataclass
 class Comparison:
-    """What became of the cases that two documents share, and which they don't share.
+    """Changes of the cases that two documents share, and the cases that they don't share.
 
     Attributes:
-        slower, faster: changes of time beyond noise.
-        worse, better: changes of an RMSE beyond noise.
+        changes: beyond noise.
         missing: cases of the first document alone, with the second's reason if it gives one. They
             do not count as failed: what was not measured can't be told.
         new: cases of the second document alone.
@@ -48,10 +52,7 @@ class Comparison:
         compared: how many cases are in both.
     """
 
-    slower: list[Change] = field(default_factory=list)
-    faster: list[Change] = field(default_factory=list)
-    worse: list[Change] = field(default_factory=list)
-    better: list[Change] = field(default_factory=list)
+    changes: list[Change] = field(default_factory=list)
     missing: list[str] = field(default_factory=list)
     new: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
@@ -60,7 +61,11 @@ class Comparison:
     @property
     def failed(self) -> bool:
         """Whether anything got slower or worse."""
-        return bool(self.slower or self.worse)
+        return bool(self.of("slower") or self.of("worse"))
+
+    def of(self, verdict: str) -> list[Change]:
+        """Return the changes of one verdict."""
+        return [change for change in self.changes if change.verdict == verdict]
 
 
 def compare(before: Mapping[str, Any], after: Mapping[str, Any]) -> Comparison:
@@ -119,13 +124,8 @@ def show(comparison: Comparison, console: Console) -> None:
     table = Table("", "case", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for heading in ("before", "after", "change"):
         table.add_column(heading, justify="right")
-    for verdict, changes, style in (
-        ("slower", comparison.slower, "bold red"),
-        ("worse", comparison.worse, "bold red"),
-        ("faster", comparison.faster, "green"),
-        ("better", comparison.better, "green"),
-    ):
-        for change in changes:
+    for verdict, style in STYLES.items():
+        for change in comparison.of(verdict):
             table.add_row(
                 f"[{style}]{verdict}[/]",
                 escape(f"{change.name} ({change.what})"),
@@ -138,10 +138,10 @@ def show(comparison: Comparison, console: Console) -> None:
     for heading, names in (("no longer there, so not judged", comparison.missing), ("new", comparison.new)):
         for name in names:
             console.print(escape(f"{heading}: {name}"), highlight=False)
+    slower, worse, faster, better = (len(comparison.of(verdict)) for verdict in STYLES)
     console.print(
-        f"{comparison.compared} cases compared: {len(comparison.slower)} slower, "
-        f"{len(comparison.worse)} errors worse, {len(comparison.faster)} faster, "
-        f"{len(comparison.better)} errors better beyond noise",
+        f"{comparison.compared} cases compared: {slower} slower, {worse} errors worse, {faster} faster, "
+        f"{better} errors better beyond noise",
         highlight=False,
     )
 
@@ -173,14 +173,12 @@ def _note_differences(before: Mapping[str, Any], after: Mapping[str, Any], notes
 
 
 def _compare_times(old: Mapping[str, Any], new: Mapping[str, Any], found: Comparison) -> None:
-    name = old["name"]
     one, two = old["ratio"], new["ratio"]
     slower = two["median"] > (1.0 + TIME_CHANGE) * one["median"] and two["low"] > one["high"]
     faster = one["median"] > (1.0 + TIME_CHANGE) * two["median"] and one["low"] > two["high"]
-    if not slower and not faster:
-        return
-    change = Change(name, "time ratio", one["median"], two["median"])
-    (found.slower if slower else found.faster).append(change)
+    if slower or faster:
+        verdict = "slower" if slower else "faster"
+        found.changes.append(Change(verdict, old["name"], "time ratio", one["median"], two["median"]))
 
 
 def _compare_errors(old: Mapping[str, Any], new: Mapping[str, Any], found: Comparison) -> None:
@@ -195,5 +193,5 @@ def _compare_errors(old: Mapping[str, Any], new: Mapping[str, Any], found: Compa
         errors = (metric(old, truth, "truth_error") or 0.0, metric(new, truth, "truth_error") or 0.0)
         noise = error_noise(one, errors, math.prod(new["size"]))
         if abs(two - one) > noise:
-            change = Change(old["name"], f"RMSE, {truth}", one, two)
-            (found.worse if two > one else found.better).append(change)
+            verdict = "worse" if two > one else "better"
+            found.changes.append(Change(verdict, old["name"], f"RMSE, {truth}", one, two))

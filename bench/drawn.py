@@ -1,9 +1,17 @@
-"""What a case needs beyond the base G-buffer, drawn anew in every run so that its time counts."""
+"""Inputs of cases beyond the base G-buffer: layers, light maps, changed scenes and moving cameras.
+
+What is drawn is drawn anew in every run, so that its time counts.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import count
 
+import numpy as np
+
+from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.rsm import DeviceRsm
@@ -12,6 +20,9 @@ from ssgi_cl.rasterize.raster.view import device_scene, margin_of
 from ssgi_cl.techniques.direct.light_data import PunctualLight, ShadowMap
 from ssgi_cl.techniques.direct.light_maps import LightMaps
 from ssgi_cl.tuning.context import Context
+
+SPECULAR, GLOSS = 0.5, 60.0
+"""Reflectance and exponent of all surfaces of a polished scene."""
 
 
 class DrawnView:
@@ -104,3 +115,32 @@ class DrawnMaps:
         """Queue the passes; return the reflective shadow map of all lights, [] if none reflects."""
         rsm = self._maps.draw(self._scene, self._punctual_lights, keep=False)[1]
         return [] if rsm is None else [rsm]
+
+
+def faded(scene: Scene) -> Scene:
+    """Return a scene half of each of whose surfaces is there."""
+    materials = [replace(material, alpha=0.5, blends=True) for material in scene.materials]
+    return replace(scene, materials=tuple(materials))
+
+
+def polished(scene: Scene) -> Scene:
+    """Return a scene all of whose materials mirror half of the light in a lobe."""
+    materials = [replace(material, specular=(SPECULAR,) * 3, gloss=GLOSS) for material in scene.materials]
+    return replace(scene, materials=tuple(materials))
+
+
+STEP = 1e-3
+"""Way of the camera between frames, in distances from eye to target."""
+STEPS = 8
+"""To the side, until the camera starts again."""
+
+
+def moving_cameras(context: Context) -> Iterator[Camera]:
+    """Return cameras of frames without end, each to the side of the one before."""
+    view, (rows, columns) = context.view, context.size
+    eye, target, up = (np.asarray(v, np.float64) for v in (view.eye, view.target, view.up))
+    side = np.cross(target - eye, up)
+    side /= np.linalg.norm(side) or 1.0
+    for step in count():
+        x, y, z = (eye + side * (STEP * (1 + step % STEPS) * np.linalg.norm(target - eye))).tolist()
+        yield replace(view, eye=(x, y, z)).camera(columns, rows)

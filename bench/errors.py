@@ -1,4 +1,4 @@
-"""How far a result is from a truth, in numbers that a table and a report can show."""
+"""Errors of a result against a truth, as numbers for tables and pages."""
 
 from __future__ import annotations
 

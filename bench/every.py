@@ -1,4 +1,4 @@
-"""Every technique on the same small inputs, so that every kernel runs: what devices are held to."""
+"""Results of every technique on the same small inputs, so that every kernel runs."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ssgi_cl.device.drivers import DeviceInfo, KernelVariant
 from ssgi_cl.device.runtime import Runtime
 
 from .calls import CALLS as TECHNIQUES
-from .calls.inputs import Array, Inputs, inputs
+from .calls import Array, Inputs, inputs
 
 __all__ = ["TECHNIQUES", "Array", "Inputs", "inputs", "main", "results"]
 

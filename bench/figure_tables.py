@@ -1,15 +1,18 @@
-"""The tables of README and of the pages in docs, made from results."""
+"""Tables of README and of the pages in docs, made from results and from parameters."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import ssgi_cl as gi
+from ssgi_cl.core.params import Params, describe
 from ssgi_cl.techniques.catalogue import CATALOGUE
+from ssgi_cl.techniques.filters.bilateral import BilateralParams
 from ssgi_cl.techniques.technique import Row
 
 from .document import clock, metric
-from .wording import NOTHING, median, milliseconds, number, quartiles, short_name
+from .wording import NOTHING, markdown, median, milliseconds, number, quartiles, short_name
 
 Result = Mapping[str, Any]
 
@@ -106,15 +109,16 @@ def techniques(results: Sequence[Result]) -> str:
     by_name = {short_name(r): r for r in results if r["scene"] == SCENE}
     sizes = {tuple(r["size"]) for r in by_name.values()}
     size = ", ".join(f"{columns} x {rows}" for rows, columns in sorted(sizes))
-    lines = [f"| call | what it computes | setting; {SCENE}, {size} | ms | RMSE |", "|---|---|---|---:|---:|"]
+    lines = []
     for call, meaning, cases in rows():
         shown = f"[`{call}`](docs/techniques/{call}.md)" if call in PAGES else f"`{call}`"
         for label, name in cases or (("", ""),):
             result = by_name.get(name)
             figures = (NOTHING, NOTHING) if result is None else (median(result), _rmse(result) or NOTHING)
-            lines.append(f"| {shown} | {meaning} | {label} | {' | '.join(figures)} |")
+            lines.append((shown, meaning, label, *figures))
             shown = meaning = ""
-    return "\n".join(lines)
+    head = ("call", "what it computes", f"setting; {SCENE}, {size}", "ms", "RMSE")
+    return "\n".join(markdown(head, lines, "lllrr"))
 
 
 def cases_of(results: Sequence[Result], technique: str) -> str:
@@ -123,24 +127,21 @@ def cases_of(results: Sequence[Result], technique: str) -> str:
     size = ", ".join(sorted({f"{r['size'][1]} x {r['size'][0]}" for r in rows}))
     cells = {(short_name(r), r["scene"]): r for r in rows}
     scenes = list(dict.fromkeys(r["scene"] for r in rows))
-    lines = [f"| case, {size} | {' | '.join(scenes)} |", "|---|" + "---|" * len(scenes)]
-    for name in dict.fromkeys(short_name(r) for r in rows):
-        found = [_figure("", cells.get((name, scene))) for scene in scenes]
-        lines.append(f"| {name} | {' | '.join(found)} |")
-    return "\n".join(lines)
+    names = dict.fromkeys(short_name(r) for r in rows)
+    lines = ((name, *(_figure(cells.get((name, scene))) for scene in scenes)) for name in names)
+    return "\n".join(markdown((f"case, {size}", *scenes), lines, "l" * (1 + len(scenes))))
 
 
-def _figure(label: str, result: Result | None) -> str:
+def _figure(result: Result | None) -> str:
     """Return what was measured of a case, in a few words."""
-    told = f"{label}: " if label else ""
     if result is None:
-        return f"{told}{NOTHING}"
+        return NOTHING
     time = milliseconds(result)
     if time != NOTHING:
         time = f"{time} ({quartiles(result)})"
     rmse = _rmse(result)
     error = f"RMSE {rmse}" if rmse else ""
-    return told + ", ".join(part for part in (time, error) if part and part != NOTHING)
+    return ", ".join(part for part in (time, error) if part and part != NOTHING)
 
 
 def _rmse(result: Result) -> str:
@@ -155,10 +156,8 @@ def _rmse(result: Result) -> str:
 
 def speed_ups(results: Sequence[Result]) -> str:
     """Return how many times as fast cases are as the best alternative and as the plain way."""
-    lines = [
-        "| case | scene | ms | best alternative with no more error | times as fast | plain | times as fast |",
-        "|---|---|---:|---|---:|---|---:|",
-    ]
+    head = ("case", "scene", "ms", "best alternative with no more error", "times as fast", "plain", "times as fast")
+    lines = []
     for scene in dict.fromkeys(r["scene"] for r in results):
         found = {short_name(r): r for r in results if r["scene"] == scene and r["quantity"] == "bounce"}
         for case, plain, alternatives in SPEED_UPS:
@@ -176,8 +175,8 @@ def speed_ups(results: Sequence[Result]) -> str:
                         number(clock(other)["median"] / clock(row)["median"]),
                     ]
                 )
-            lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
+            lines.append(cells)
+    return "\n".join(markdown(head, lines, "llrlrlr"))
 
 
 def best_alternative(row: Result, others: Sequence[Result]) -> Any:
@@ -218,17 +217,18 @@ def biases(results: Sequence[Result], cases: Sequence[str]) -> str:
     """Return a table: a row a scene, and for each case bias and RMSE in per cent of the mean."""
     found = {(short_name(r), r["scene"]): r for r in results}
     scenes = dict.fromkeys(r["scene"] for r in results if short_name(r) in cases)
-    lines = [f"| | {' | '.join(f'{case}, bias | RMSE' for case in cases)} |", "|---|" + "---:|---:|" * len(cases)]
+    head = ["", *(part for case in cases for part in (f"{case}, bias", "RMSE"))]
+    lines = []
     for scene in scenes:
-        cells = []
+        cells = [scene]
         for case in cases:
             row = found.get((case, scene))
             mean = None if row is None else metric(row, "world", "mean")
             for name, variant in (("bias", "+.3g"), ("rmse", ".3g")):
                 value = None if row is None else metric(row, "world", name)
                 cells.append(NOTHING if value is None or not mean else f"{100.0 * value / mean:{variant}} %")
-        lines.append(f"| {scene} | {' | '.join(cells)} |")
-    return "\n".join(lines)
+        lines.append(cells)
+    return "\n".join(markdown(head, lines, "l" + "rr" * len(cases)))
 
 
 def by_scene(
@@ -246,14 +246,13 @@ def by_scene(
     scenes = list(dict.fromkeys(r["scene"] for r in rows))
     cells = {(short_name(r), r["scene"]): r for r in rows}
     names = sorted(dict.fromkeys(short_name(r) for r in rows), key=lambda name: families.index(name.partition(".")[0]))
-    heads = [f"{scene}, ms | RMSE" + (" | FLIP" if flip else "") for scene in scenes]
-    columns = len(scenes) * (3 if flip else 2)
-    lines = [f"| | {' | '.join(heads)} |", "|---|" + "---:|" * columns]
-    for name in names:
-        found = [cells.get((name, scene)) for scene in scenes]
-        parts = [part for one in found for part in _cell(one, truth, flip=flip)]
-        lines.append(f"| {name} | {' | '.join(parts)} |")
-    return "\n".join(lines)
+    columns = ("RMSE", "FLIP") if flip else ("RMSE",)
+    head = ["", *(part for scene in scenes for part in (f"{scene}, ms", *columns))]
+    lines = (
+        [name, *(part for scene in scenes for part in _cell(cells.get((name, scene)), truth, flip=flip))]
+        for name in names
+    )
+    return "\n".join(markdown(head, lines, "l" + "r" * len(head[1:])))
 
 
 def _cell(result: Result | None, truth: str, *, flip: bool) -> list[str]:
@@ -263,3 +262,36 @@ def _cell(result: Result | None, truth: str, *, flip: bool) -> list[str]:
     share = NOTHING if error is None or not mean else f"{100.0 * error / mean:.3g} %"
     cells = [f"{milliseconds(result)} ({quartiles(result)})", share]
     return [*cells, number(metric(result, truth, "flip"))] if flip else cells
+
+
+PARAMETERS: Mapping[str, type[Params]] = {
+    "ssao": gi.SsaoParams,
+    "hbao": gi.HbaoParams,
+    "gtao": gi.GtaoParams,
+    "bitmask_ao": gi.BitmaskParams,
+    "bilateral_blur": BilateralParams,
+    "upsample": gi.UpsampleParams,
+    "shade": gi.ShadeParams,
+    "radiosity": gi.RadiosityParams,
+    "reflections": gi.ReflectionsParams,
+    "sampled_lights": gi.SampledLightsParams,
+    "tonemap": gi.TonemapParams,
+    "ssdo": gi.SsdoParams,
+    "rsm_gather": gi.RsmGatherParams,
+    "rsm_gather-published": gi.RsmPublishedParams,
+    "vpl_splat": gi.VplSplatParams,
+    "multires_splat": gi.MultiresSplatParams,
+    "multires_splat-published": gi.MultiresPublishedParams,
+}
+"""Name of a block, without its `parameters-` -> the parameters that it lists."""
+
+
+def parameter_blocks() -> dict[str, str]:
+    """Return name of a block -> a Markdown table of parameter, default and meaning."""
+    return {f"parameters-{name}": table(params) for name, params in PARAMETERS.items()}
+
+
+def table(params: type[Params]) -> str:
+    """Return a Markdown table: a row a parameter."""
+    rows = ((f"`{name}`", default, meaning) for name, default, meaning in describe(params))
+    return "\n".join(markdown(("parameter", "default", "meaning (range; unit)"), rows, "lll"))

@@ -13,8 +13,7 @@ from typing import Any
 
 from . import document, skips, summary, summation
 from .document import groups
-from .figure_tables import FAMILIES, PAGES, cases_of, indirect_blocks, speed_ups, techniques
-from .parameter_tables import parameter_blocks
+from .figure_tables import FAMILIES, PAGES, cases_of, indirect_blocks, parameter_blocks, speed_ups, techniques
 from .verdict import verdict
 from .wording import revision, title
 

@@ -23,15 +23,15 @@ from ssgi_cl.tuning.case import Case
 from ssgi_cl.tuning.context import TruthSettings
 from ssgi_cl.tuning.measured_scenes import MissingMeshError, views_of
 
-from . import document, figure_text, front, skips, suite, summary, summation
+from . import document, figure_text, skips, suite, summary, summation
 from .figure_tables import VISIBILITY
-from .options import device_option
+from .options import device_option, meshes_option
 from .plot import require_plots
+from .scene_sets import MESH_VIEWS
 from .skips import ROUNDS
+from .verdict import mark
 from .wording import revision
 
-VIEWS = ("sponza", "country_kitchen", "veach_ajar")
-"""Of docs/views; their meshes are not part of the project."""
 QUICK: Size = (72, 96)
 QUICK_PATTERNS = 3
 """Of the scenes of docs/views."""
@@ -116,7 +116,11 @@ PLANS: Mapping[str, Plan] = {
     "benchmark": Plan(
         (300, 400),
         {"rays": 512, "paths": 256, "points": 256},
-        {"cornell_box": (*OCCLUSION, *LIGHT), "hall": (*OCCLUSION, *LIGHT, *PASSES), **dict.fromkeys(VIEWS, OCCLUSION)},
+        {
+            "cornell_box": (*OCCLUSION, *LIGHT),
+            "hall": (*OCCLUSION, *LIGHT, *PASSES),
+            **dict.fromkeys(MESH_VIEWS, OCCLUSION),
+        },
     ),
     "indirect": Plan(
         (150, 200),
@@ -196,7 +200,7 @@ def record(
         report=report,
     )
     found.skipped += absent
-    front.mark(found.results)
+    mark(found.results)
     made = {**stamp, "quick": quick, **suite.entries(found, truths, seconds)}
     if name == "benchmark":
         # Plots are those of the numbers as they are recorded.
@@ -288,12 +292,7 @@ def check_tree(stamp: Mapping[str, Any], *, allow_dirty: bool) -> None:
     type=click.Choice([*PLANS, *OTHERS]),
     help="Of the documents; several times. All by default.",
 )
-@click.option(
-    "--meshes",
-    envvar="SSGI_CL_MESHES",
-    type=click.Path(path_type=Path, exists=True, file_okay=False),
-    help="The folder of the meshes of docs/views; scenes without mesh are left out.",
-)
+@meshes_option
 @device_option
 @click.option(
     "--seconds",
@@ -336,21 +335,12 @@ def main(
         check_tree(stamp, allow_dirty=allow_dirty)
         for name in only or (*PLANS, *OTHERS):
             report(f"{name} of revision {revision(stamp)}")
-            write(
-                root,
-                name,
-                record(
-                    name,
-                    stamp,
-                    runtime,
-                    meshes,
-                    root,
-                    quick=quick,
-                    rebuild=not keep_truths,
-                    seconds=0.02 if quick else seconds,
-                    report=report,
-                ),
-            )
+            options: dict[str, Any] = {
+                "quick": quick,
+                "rebuild": not keep_truths,
+                "seconds": 0.02 if quick else seconds,
+            }
+            write(root, name, record(name, stamp, runtime, meshes, root, report=report, **options))
     with contextlib.suppress(FileNotFoundError):  # not all documents are recorded yet
         for name in render(root):
             click.echo(f"wrote {name}")

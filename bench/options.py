@@ -1,4 +1,4 @@
-"""What the commands of the benchmark share: options, errors in a line, progress."""
+"""Options, errors in a line and progress of the benchmark's commands."""
 
 from __future__ import annotations
 
@@ -14,7 +14,19 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from ssgi_cl.device.arrays import Size
-from ssgi_cl.io.console import is_expected, one_line, printable
+from ssgi_cl.io.console import device_option, is_expected, json_option, one_line, printable
+
+__all__ = [
+    "PixelSize",
+    "check_output",
+    "device_option",
+    "human_errors",
+    "json_option",
+    "meshes_option",
+    "output_option",
+    "own_option",
+    "progress_bar",
+]
 
 
 class PixelSize(click.ParamType[Size]):
@@ -33,17 +45,13 @@ class PixelSize(click.ParamType[Size]):
         return sides[1], sides[0]
 
 
-device_option = click.option(
-    "--device", metavar="WORDS", help="Words of the device's label; by default SSGI_CL_DEVICE, else the fastest found."
-)
 meshes_option = click.option(
     "--meshes",
+    envvar="SSGI_CL_MESHES",
     type=click.Path(path_type=Path, exists=True, file_okay=False),
-    help="The folder of the views' meshes; by default each view's own.",
+    help="The folder of the meshes of views such as those of docs/views; by default SSGI_CL_MESHES.",
 )
 
-
-json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
 output_option = click.option("-o", "--output", type=click.Path(path_type=Path), help="Write the results, .json.")
 own_option = click.option("--own", is_flag=True, help="Leave out what other programs do.")
 

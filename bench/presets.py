@@ -18,7 +18,6 @@ from typing import Any
 
 import click
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from ssgi_cl.core.atomic import replacement
@@ -30,12 +29,12 @@ from ssgi_cl.techniques.presets.speed_model import measured
 from ssgi_cl.techniques.technique import Technique
 from ssgi_cl.tuning.context import Progress as Report
 from ssgi_cl.tuning.outcome import TuneError
-from ssgi_cl.tuning.trials import Trial, Trials
-from ssgi_cl.tuning.tunables import entry_of
+from ssgi_cl.tuning.trials import Trial, Trials, geometric_mean
+from ssgi_cl.tuning.tunables import described, entry_of
 from ssgi_cl.version import __version__
 
-from .options import device_option
-from .scene_sets import OVERSCAN, SETS, SceneSets, described, geometric_mean
+from .options import device_option, meshes_option, progress_bar
+from .scene_sets import OVERSCAN, SETS, SceneSets
 
 WITHIN = {"low": 0.75, "medium": 1.0, "high": 2.6, "ultra": 8.0}
 """Time of each preset over that of the defaults, at most; "medium" is the defaults."""
@@ -242,7 +241,8 @@ def written_as(value: Any, indent: str = "") -> str:
     An object or list is broken into lines only if it does not fit in one or holds settings.
     """
     line = json.dumps(value)
-    if not isinstance(value, (dict, list)) or len(line) <= 100 or _is_one(value):
+    is_one = isinstance(value, dict) and not value.keys().isdisjoint(("parameters", "digest"))
+    if not isinstance(value, (dict, list)) or len(line) <= 100 or is_one:
         return line
     inner = indent + " "
     if isinstance(value, dict):
@@ -251,20 +251,10 @@ def written_as(value: Any, indent: str = "") -> str:
     return "[\n" + ",\n".join(inner + written_as(item, inner) for item in value) + f"\n{indent}]"
 
 
-def _is_one(value: Any) -> bool:
-    """Return whether this is a setting with its figures, or a scene with its views."""
-    return isinstance(value, dict) and not value.keys().isdisjoint(("parameters", "digest"))
-
-
 @click.command()
 @click.argument("technique", type=click.Choice(sorted(TECHNIQUES)))
 @device_option
-@click.option(
-    "--meshes",
-    type=click.Path(path_type=Path, file_okay=False, exists=True),
-    help="The folder of the meshes of docs/views, which errors are reported on; without, "
-    "they are reported on the built-in scenes alone.",
-)
+@meshes_option
 @click.option(
     "-o",
     "--output",
@@ -276,21 +266,7 @@ def main(technique: str, device: str | None, meshes: Path | None, output: Path |
 
     Takes some minutes. Nothing else should keep the machine busy meanwhile.
     """
-    console = Console(stderr=True)
-    bar = Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TimeRemainingColumn(),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    )
-    with bar:
-        task = bar.add_task("", total=1.0)
-
-        def report(text: str, share: float) -> None:
-            bar.update(task, description=text, completed=share)
-
+    with progress_bar() as report:
         sets = SceneSets(Runtime.open(device), meshes=meshes, progress=report)
         result = record_presets(technique, sets, progress=report)
     path = output or Path(presets.__file__).parent / f"{technique}.json"

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import REPORTED, TUNED_ON, TUNING_SEEDS, VALIDATED_ON, VALIDATION_SEEDS, BuiltinScene
 from ssgi_cl.techniques.technique import Technique
-from ssgi_cl.truth.digests import scene_digest
 from ssgi_cl.tuning.context import Context, Progress, TruthSettings
 from ssgi_cl.tuning.measured_scenes import views_of
 from ssgi_cl.tuning.trials import Trials
 
 SETS = ("tuning", "validation", "reporting")
-"""What decides, what confirms, and what is shown only."""
+"""The set that decides, the one that confirms, and the one that is only shown."""
 
 SIZE = (240, 320)
 """Of the pictures."""
@@ -94,21 +91,3 @@ class SceneSets:
     def errors(self, trials: Mapping[str, Trials], setting: Mapping[str, object], of: str) -> dict[str, float]:
         """Return the RMSE of a setting on each scene of a set, by the scene's name."""
         return {view.name: error for view, error in zip(self.views[of], trials[of].errors(setting), strict=True)}
-
-
-def described(views: Sequence[BuiltinScene]) -> list[dict[str, Any]]:
-    """Return name, digest, radius and camera of each view, as records have them."""
-    return [
-        {
-            "name": view.name,
-            "digest": scene_digest(view.scene),
-            "radius": view.ao_radius,
-            "views": [{"eye": list(view.eye), "target": list(view.target)}],
-        }
-        for view in views
-    ]
-
-
-def geometric_mean(errors: Sequence[float]) -> float:
-    """Return the geometric mean: a scene whose error is large anyway says no more than others."""
-    return math.prod(errors) ** (1.0 / len(errors))

@@ -1,4 +1,4 @@
-"""Which cases there are, and all of them measured."""
+"""Selection and measurement of cases."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Report = Callable[[str, float], object]
 
 @dataclass(frozen=True, eq=False)
 class Pictures:
-    """What a case gave and should have given: linear, [rows, columns] or [rows, columns, 3]."""
+    """Result and truths of a case: linear, [rows, columns] or [rows, columns, 3]."""
 
     result: NDArray[np.float32]
     world: NDArray[np.float32] | None
@@ -38,7 +38,7 @@ class Pictures:
 
 @dataclass
 class Measurements:
-    """What a run of the benchmark found; see `document` for the form of the entries."""
+    """Results of a run of the benchmark; see `document` for the form of the entries."""
 
     calibration: Calibration
     reference_ms: float

@@ -1,4 +1,4 @@
-"""A document as a page of Markdown with plots and pictures, small enough to be kept with code."""
+"""Page of Markdown of a document, with plots and pictures, small enough to be kept with code."""
 
 from __future__ import annotations
 
@@ -8,19 +8,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
 
 from ssgi_cl.core import atomic
+from ssgi_cl.io.previews import share_view
+from ssgi_cl.reference.filters.tonemap import encoded_reference
+from ssgi_cl.techniques.filters.tonemap import auto_exposure
 
-from .document import Group, groups, metric
-from .guide import guides
+from .document import groups, metric
 from .peers import PEERS
-from .pictures import OCCLUSION_RANGE, encoded, error_colors, exposure_of
 from .plot import has_plot, looks, plot
-from .verdict import verdict
+from .verdict import guides, verdict
 from .wording import (
     calibration_line,
     device_milliseconds,
+    markdown,
     milliseconds,
     number,
     quartiles,
@@ -31,15 +34,86 @@ from .wording import (
     title,
 )
 
+Floats = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+
+OCCLUSION_RANGE = 0.25
+"""Difference of A at the ends of an error map's scale."""
+LIGHT_RANGE = 0.5
+"""Relative difference of luminance at the ends of an error map's scale."""
+DARK_SHARE = 0.01
+"""Of the mean luminance: what is added to the truth that a difference is divided by."""
+LEVELS = 17
+"""Steps of an error map's scale: enough to read, few enough to pack well."""
+TOO_DARK, JUST, TOO_BRIGHT = (((12, 44, 110), (64, 138, 214)), (246, 246, 246), ((240, 142, 40), (128, 48, 0)))
+"""RGB from the ends to the middle: blue and orange, which no common colour blindness confuses."""
+_NOTHING = (128, 128, 128)
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+
+
+def scale() -> NDArray[np.uint8]:
+    """Return [LEVELS, 3]: the colours of an error map from too dark to too bright."""
+    stops = np.array([*TOO_DARK, JUST, *TOO_BRIGHT], np.float64)
+    where = np.linspace(0.0, len(stops) - 1.0, LEVELS)
+    colors = [np.interp(where, np.arange(len(stops)), stops[:, c]) for c in range(3)]
+    return np.rint(np.stack(colors, axis=-1)).astype(np.uint8)
+
+
+def exposure_of(truth: Floats, seen: Mask) -> float:
+    """Return what to multiply irradiance with so that the truth is well lit.
+
+    The log-average luminance of what is seen and not black becomes middle grey.
+    """
+    return auto_exposure(np.where(seen[..., None], _finite(truth), np.float32(0.0)))
+
+
+def encoded(image: Floats, exposure: float) -> NDArray[np.uint8]:
+    """Return what a screen shows, [rows, columns] or [rows, columns, 3].
+
+    Args:
+        image: [rows, columns], a share: black is 0 and white 1, without gamma; or
+            [rows, columns, 3], light: multiplied by the exposure, then the library's filmic curve
+            and sRGB. What is not finite is black.
+        exposure: of light.
+    """
+    image = _finite(image)
+    if image.ndim == 2:
+        return share_view(image)
+    return np.rint(encoded_reference(image, exposure)).astype(np.uint8)
+
+
+def error_colors(image: Floats, truth: Floats, seen: Mask) -> NDArray[np.uint8]:
+    """Return [rows, columns, 3]: blue is too dark, orange too bright, grey not compared.
+
+    Of shares the difference, of light the difference of luminance over that of the truth, to which
+    1 % of its mean is added so that black pixels have an error too. Ends of the scale are
+    `OCCLUSION_RANGE` and `LIGHT_RANGE`.
+    """
+    value, reference = (_finite(array).astype(np.float64) for array in (image, truth))
+    if value.ndim == 2:
+        share = (value - reference) / OCCLUSION_RANGE
+    else:
+        value, reference = value @ _LUMINANCE, reference @ _LUMINANCE
+        base = DARK_SHARE * float(reference[seen].mean()) if seen.any() else 0.0
+        share = (value - reference) / np.maximum(reference + base, 1e-30) / LIGHT_RANGE
+    level = np.rint((np.clip(share, -1.0, 1.0) + 1.0) * 0.5 * (LEVELS - 1)).astype(np.uint8)
+    level[~seen] = LEVELS
+    colors: NDArray[np.uint8] = np.concatenate([scale(), np.array([_NOTHING], np.uint8)])[level]
+    return colors
+
+
+def _finite(image: Floats) -> Floats:
+    return np.nan_to_num(image, nan=0.0, posinf=0.0, neginf=0.0)
+
+
 if TYPE_CHECKING:
     from .suite import Pictures
 
 _HEAD = (
-    "| | case | ms | quartiles | device ms | RMSE | bias | MRSE | SSIM | FLIP | RMSE of the model "
-    "| its bias | counted |"
+    *("", "case", "ms", "quartiles", "device ms", "RMSE", "bias", "MRSE", "SSIM", "FLIP"),
+    *("RMSE of the model", "its bias", "counted"),
 )
 TRIAL = "A trial of the recording, at a tiny size with few rays on a busy machine: these figures say nothing."
-_RULE = "|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---|"
 LEGEND = (
     "ms: median wall time of a frame, and the quartiles of the runs. It counts what a caller pays "
     "for the result beyond the base G-buffer (one layer, no overscan), which everything here gets "
@@ -101,11 +175,10 @@ def strips(document: Mapping[str, Any], pictures: Mapping[str, Pictures]) -> lis
 
 def plots(document: Mapping[str, Any], stem: str) -> dict[str, str]:
     """Return name of a file, without its ending -> SVG, of each group that has a plot."""
-    grouped = groups(document["results"])
-    drawn = {
-        name: _drawing(key, results)
-        for name, (key, results) in zip(_names(document, stem), grouped.items(), strict=True)
-    }
+    drawn = {}
+    for name, (key, results) in zip(_names(document, stem), groups(document["results"]).items(), strict=True):
+        shown = sorted({r["family"] for r in results if metric(r, "world", "rmse") is not None})
+        drawn[name] = plot(results, looks(shown, list(PEERS)), title(key), key[0])
     return {name: drawing for name, drawing in drawn.items() if drawing}
 
 
@@ -139,7 +212,7 @@ def page(document: Mapping[str, Any], stem: str) -> str:
             lines += [f"![{title(key)}: error over time]({name}.svg)", ""]
         said = verdict(results)
         lines += [said, ""] if said else []
-        lines += [_HEAD, _RULE, *map(_row, results)]
+        lines += markdown(_HEAD, map(_row, results), "llrrrrrrrrrrl")
         if strip:
             case = strip.rsplit(".", 2)[0]
             lines += [
@@ -159,10 +232,8 @@ def _guides(document: Mapping[str, Any]) -> list[str]:
     if not found:
         return []
     lines = ["", "## The least error within a time", "", "Setting and RMSE, by median wall time."]
-    for guide in found:
-        lines += ["", f"{guide.case}:", "", f"| ms | {' | '.join(guide.scenes)} |"]
-        lines.append("|---:|" + "---|" * len(guide.scenes))
-        lines += (f"| {ms:g} | {' | '.join(cells)} |" for ms, cells in guide.rows.items())
+    for case, (head, *rows) in found.items():
+        lines += ["", f"{case}:", "", *markdown(head, rows, "r" + "l" * len(head[1:]))]
     return lines
 
 
@@ -201,12 +272,12 @@ def _strip(of: Pictures) -> Image.Image:
     return strip
 
 
-def _row(result: Mapping[str, Any]) -> str:
+def _row(result: Mapping[str, Any]) -> tuple[str, ...]:
     world = [
         number(metric(result, "world", name), "+" if name == "bias" else "")
         for name in ("bias", "mrse", "ssim", "flip")
     ]
-    cells = (
+    return (
         star(result).replace("*", "\\*"),
         short_name(result),
         milliseconds(result),
@@ -218,10 +289,3 @@ def _row(result: Mapping[str, Any]) -> str:
         number(metric(result, "assumption", "bias"), "+"),
         result.get("counted") or "",
     )
-    return f"| {' | '.join(cells)} |"
-
-
-def _drawing(key: Group, results: list[dict[str, Any]]) -> str:
-    """Return the plot as a file of its own; "" if there is nothing to draw."""
-    shown = sorted({r["family"] for r in results if metric(r, "world", "rmse") is not None})
-    return plot(results, looks(shown, list(PEERS)), title(key), key[0])

@@ -1,4 +1,4 @@
-"""How float32 sums of many lights err; `make figures` writes docs/summation.md."""
+"""Errors of float32 sums of many lights; `make figures` writes docs/summation.md."""
 
 from __future__ import annotations
 
@@ -20,6 +20,8 @@ from ssgi_cl.reference.vpl.vpl_splat import vpl_splat_reference
 from ssgi_cl.techniques.multires.multires_splat import MultiresSplat, MultiresSplatParams
 from ssgi_cl.techniques.rsm.rsm_gather import rsm_gather
 from ssgi_cl.techniques.vpl.vpl_splat import VplSplat, VplSplatParams
+
+from .wording import markdown
 
 Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]
@@ -172,6 +174,7 @@ def measured(runtime: Runtime) -> dict[str, Any]:
 
 def page(found: Mapping[str, Any]) -> str:
     """Return the page of what `measured` returns."""
+    largest = max(max(row["errors"].values()) for row in found["techniques"])
     lines = [
         "# Sums of many lights",
         "",
@@ -191,7 +194,7 @@ def page(found: Mapping[str, Any]) -> str:
         "",
         "Choice: blocks (rsm_gather: of 256 and no batches). They cost one addition in 64 and need "
         "two sums of each colour; the largest error of a technique above is "
-        f"{_digits(_largest(found['techniques']))}. Halves would need a sum for each "
+        f"{_digits(largest)}. Halves would need a sum for each "
         "level, compensation three further operations on each colour of each light, a third of "
         "what a light costs in all, for digits that a form factor in float32 has not.",
         "",
@@ -201,15 +204,8 @@ def page(found: Mapping[str, Any]) -> str:
 
 def _table(what: str, rows: Sequence[Mapping[str, Any]]) -> list[str]:
     heads = list(rows[0]["errors"])
-    lines = [f"| {what} | count | {' | '.join(heads)} |", "|---|---:|" + "---:|" * len(heads)]
-    for row in rows:
-        cells = " | ".join(_digits(row["errors"][head]) for head in heads)
-        lines.append(f"| {row['terms']} | {row['count']} | {cells} |")
-    return lines
-
-
-def _largest(rows: Sequence[Mapping[str, Any]]) -> float:
-    return max(float(error) for row in rows for error in row["errors"].values())
+    cells = ((row["terms"], str(row["count"]), *(_digits(row["errors"][head]) for head in heads)) for row in rows)
+    return markdown((what, "count", *heads), cells, "lr" + "r" * len(heads))
 
 
 def _digits(error: float) -> str:

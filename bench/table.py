@@ -56,7 +56,8 @@ def show(document: Mapping[str, Any], console: Console) -> None:
         console.print(escape(line), highlight=False)
     for key, results in groups(document["results"]).items():
         console.print()
-        console.print(_fitting(title(key) + _in_unit(key[0]), results, document, console))
+        errors = unit(key[0]) and f", errors in{unit(key[0])}"
+        console.print(_fitting(title(key) + errors, results, document, console))
         if said := verdict(results):
             console.print(escape(said), highlight=False)
     for result in document["results"]:
@@ -68,10 +69,6 @@ def show(document: Mapping[str, Any], console: Console) -> None:
         console.print("nothing was measured")
     for entry in document["skipped"]:
         console.print(escape(f"skipped {entry['name']}: {entry['reason']}"), highlight=False)
-
-
-def _in_unit(quantity: str) -> str:
-    return f", errors in{unit(quantity)}" if unit(quantity) else ""
 
 
 def _fitting(heading: str, results: list[dict[str, Any]], document: Mapping[str, Any], console: Console) -> Table:

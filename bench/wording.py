@@ -1,9 +1,9 @@
-"""How results are put into words and digits, the same in the terminal and in the report."""
+"""Words and digits of results, the same in the terminal and on pages."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from .document import Group, clock, metric, timed
@@ -135,3 +135,9 @@ def revision(document: Mapping[str, Any]) -> str:
     if name is None:
         return "not a checkout"
     return f"{name}{', modified' if document.get('modified') else ''}"
+
+
+def markdown(head: Sequence[str], rows: Iterable[Sequence[str]], align: str) -> list[str]:
+    """Return the lines of a table in Markdown; `align`: for each column l or r, to the left or the right."""
+    rule = "|".join("---:" if side == "r" else "---" for side in align)
+    return [f"| {' | '.join(head).lstrip()} |", f"|{rule}|", *(f"| {' | '.join(row)} |" for row in rows)]

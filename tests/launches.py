@@ -8,7 +8,7 @@ from functools import cache
 
 import ssgi_cl as gi
 from ssgi_cl.bench import every
-from ssgi_cl.bench.cases.vpl_lobes import polished
+from ssgi_cl.bench.drawn import polished
 from ssgi_cl.device.drivers import probe_timer
 from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.runtime import Runtime

@@ -1,7 +1,4 @@
-"""What can be measured, by family: this library's techniques, and its peers.
-
-Each module declares `FAMILIES`, name -> family; a new one is found by itself.
-"""
+"""Families of cases that can be measured: this library's techniques, and its peers."""
 
 from __future__ import annotations
 
@@ -9,34 +6,14 @@ from collections.abc import Mapping
 
 from ssgi_cl.tuning.case import Family
 
-from ..discover import declared
 from ..peers import PEERS
+from . import ao, drawing, filters, frame, multires_splat, radiosity, rsm_gather, slices, ssdo, vpl_splat
 
-ORDER = (
-    "ssao",
-    "slices",
-    "converged",
-    "bent_normals",
-    "lecture",
-    "floor",
-    "bilateral",
-    "upsample",
-    "shade",
-    "whole_frame",
-    "rsm_gather",
-    "rsm_published",
-    "ssdo",
-    "rasterize",
-    "shadow_maps",
-    "skips",
-    "vpl_splat",
-    "vpl_lobes",
-    "multires_splat",
-    "multires_published",
-)
-"""Of the modules in lists of cases; others come after these."""
-
-OWN: Mapping[str, Family] = declared(__name__, "FAMILIES", ORDER)
+OWN: Mapping[str, Family] = {
+    name: family
+    for module in (ao, slices, filters, frame, rsm_gather, ssdo, drawing, vpl_splat, multires_splat, radiosity)
+    for name, family in module.FAMILIES.items()
+}
 """This library's."""
 
 FAMILIES: Mapping[str, Family] = {**OWN, **PEERS}

@@ -1,9 +1,10 @@
-"""SSDO as published and from slices: one bounce by samples, and what a whole frame takes."""
+"""SSDO as published and from slices: one bounce by samples, and whole frames."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from itertools import cycle
 from typing import Any
 
@@ -20,9 +21,9 @@ from ssgi_cl.rasterize.raster.rasterizer import Rasterizer
 from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.techniques.ao.occlusion import RESOLUTIONS
 from ssgi_cl.techniques.ao.ssao import SsaoParams
-from ssgi_cl.techniques.ssdo.ssdo import Ssdo, SsdoPlanes
+from ssgi_cl.techniques.ssdo.ssdo import Ssdo
 from ssgi_cl.techniques.ssdo.ssdo_params import SsdoParams
-from ssgi_cl.tuning.case import Family, Own, Subject, count_of
+from ssgi_cl.tuning.case import Family, Subject, count_of
 from ssgi_cl.tuning.context import Context
 
 from ..drawn import DrawnMaps, DrawnView
@@ -34,7 +35,7 @@ EXTRA_CAMERAS = 4
 """As many as published."""
 
 FAR = {"taps": 64, "view_taps": 64}
-"""Where surfaces send light however far away they are: with 20 taps a side, what four layers and
+"""Taps where surfaces send light however far away they are: with 20 a side, what four layers and
 overscan add to the Cornell box is lost between them (an RMSE of .39 of the mean, of .17 with 64).
 """
 
@@ -54,80 +55,66 @@ CORRECTIONS: Mapping[str, dict[str, Any]] = {
     "-views": {"views": EXTRA_CAMERAS},
     "-all": {"layers": 4, "overscan": 0.1, "views": EXTRA_CAMERAS},
 }
-"""What a single view misses, and what finds it."""
+"""Additions to a single view that find what it misses."""
 
 
-@dataclass(frozen=True)
-class SsdoFamily(Own):
-    """Light of the lights that near surfaces reflect; the setting is that of the method.
+def bounced(
+    context: Context,
+    setting: str,
+    *,
+    method: str = "bitmask",
+    resolution: str = "full",
+    layers: int = 1,
+    overscan: float = 0.0,
+    views: int = 0,
+    far: bool = False,
+) -> Subject:
+    """Make light of the lights that near surfaces reflect ready.
 
-    Attributes:
-        method: see `SsdoParams`. The setting is the number of slices of "bitmask", else of samples.
+    The setting is the number of slices of "bitmask", else of samples.
+
+    Args:
+        context, setting: see `Family`.
+        method: see `SsdoParams`.
         resolution: "full", "half" or "quarter".
         layers, overscan: of the G-buffer.
         views: extra cameras, drawn in each run.
         far: whether surfaces send light however far away they are, as in the truth; else up to the
             reach of ambient occlusion.
     """
+    number = count_of(setting, "a number of samples or slices", 1, 256)
+    runtime, punctual_lights = context.runtime, context.some_lights()
+    view = DrawnView(context, layers, overscan, attributes=layers)
+    counted: dict[str, Any] = {**(FAR if far else {}), "slices" if method == "bitmask" else "samples": number}
+    bounds = context.view.scene.bounds
+    radius = float(np.linalg.norm(bounds[1] - bounds[0])) if far else context.radius
+    params = SsdoParams(radius=radius, method=method, resolution=resolution, **counted)
+    technique = Ssdo(runtime, context.size, params, view.gbuffer.margin, layers, layers)
+    maps = DrawnMaps(context, MAP_SIZE, flux=False)
+    further = AuxiliaryViews(runtime, views, FAR_VIEWS if far else SIZE)
 
-    method: str
-    resolution: str = "full"
-    layers: int = 1
-    overscan: float = 0.0
-    views: int = 0
-    far: bool = False
-    SETTINGS: tuple[str, ...] = ("8", "16")
-
-    def prepare(self, context: Context, setting: str) -> Subject:
-        """Draw what the technique reads, and make it ready."""
-        number = count_of(setting, "a number of samples or slices", 1, 256)
-        if not context.punctual_lights:
-            raise ValueError(f"{context.view.name} has no light: expected at least one")
-        runtime = context.runtime
-        view = DrawnView(context, self.layers, self.overscan, attributes=self.layers)
-        counted: dict[str, Any] = {
-            **(FAR if self.far else {}),
-            "slices" if self.method == "bitmask" else "samples": number,
-        }
-        bounds = context.view.scene.bounds
-        radius = float(np.linalg.norm(bounds[1] - bounds[0])) if self.far else context.radius
-        params = SsdoParams(radius=radius, method=self.method, resolution=self.resolution, **counted)
-        margin = view.gbuffer.margin
-        technique = Ssdo(runtime, context.size, params, margin, self.layers, self.layers)
-        punctual_lights = context.punctual_lights
-        maps = DrawnMaps(context, MAP_SIZE, flux=False)
-        further = AuxiliaryViews(runtime, self.views, FAR_VIEWS if self.far else SIZE)
-
-        def run() -> SsdoPlanes:
+    def image() -> NDArray[np.float32]:
+        with runtime.frame():
             gbuffer = _dark(view.draw())
-            views = further.drawn(context.view.scene, context.camera, gbuffer, punctual_lights)
-            return technique.run(
-                gbuffer,
-                punctual_lights,
-                shadows=maps.shadows(),
-                auxiliary_views=map(_dark, views) if self.views else (),
-            )
+            others = further.drawn(context.view.scene, context.camera, gbuffer, punctual_lights)
+            shadows = maps.shadows()
+            bounce = technique.run(
+                gbuffer, punctual_lights, shadows=shadows, auxiliary_views=map(_dark, others) if views else ()
+            ).bounce
+            if bounce is None:
+                return np.zeros((*context.size, 3), np.float32)
+            return np.ascontiguousarray(np.moveaxis(bounce.download(), 0, -1))
 
-        def image() -> NDArray[np.float32]:
-            with runtime.frame():
-                bounce = run().bounce
-                if bounce is None:
-                    return np.zeros((*context.size, 3), np.float32)
-                return np.ascontiguousarray(np.moveaxis(bounce.download(), 0, -1))
-
-        reads = number * (2 * params.taps if self.method == "bitmask" else params.points().taps)
-        pixels = np.count_nonzero(context.seen) / RESOLUTIONS[self.resolution] ** 2
-        drawn = [view.counted, "shadow maps drawn"]
-        drawn += [f"{self.views} auxiliary cameras drawn"] if self.views else []
-        return Subject(
-            run=image,
-            image=image,
-            quantity="bounce",
-            samples=float(pixels * reads * self.layers),
-            truths={"world": context.bounce},
-            counted="; ".join(filter(None, drawn)),
-            note="direct light of the lights included",
-        )
+    reads = number * (2 * params.taps if method == "bitmask" else params.points().taps)
+    drawn = [view.counted, "shadow maps drawn", f"{views} auxiliary cameras drawn" if views else ""]
+    return Subject.of_image(
+        image,
+        quantity="bounce",
+        samples=float(context.surface_pixels / RESOLUTIONS[resolution] ** 2 * reads * layers),
+        truths={"world": context.bounce},
+        counted="; ".join(filter(None, drawn)),
+        note="direct light of the lights included",
+    )
 
 
 def _dark(view: DeviceGBuffer) -> DeviceGBuffer:
@@ -136,8 +123,22 @@ def _dark(view: DeviceGBuffer) -> DeviceGBuffer:
     return view
 
 
-class Frames(Own):
-    """Scene to picture as published: SSAO, and SSDO with as many samples in its place.
+FRAMES = (
+    *(f"{kind}-{samples}" for samples in (8, 16) for kind in ("ssao", "direct", "bounce", "layers")),
+    "points-16",
+    "bitmask-1",
+    "bitmask-2",
+    "bitmask-layers-2",
+    "views-2",
+    "drawn-1",
+    "drawn-2",
+    f"cameras-{EXTRA_CAMERAS}",
+)
+"""Usual settings of `frames`."""
+
+
+def frames(context: Context, setting: str) -> Subject:
+    """Make scene to picture as published ready: SSAO, and SSDO with as many samples in its place.
 
     The setting is what dims and reflects light, and the number of samples: "ssao-8", "direct-8"
     (directional occlusion alone), "bounce-8", "layers-8" (with a second layer), "points-16" (the
@@ -146,55 +147,32 @@ class Frames(Own):
     cameras). The rasteriser's part of these alone: "drawn-1" and "drawn-2" are a G-buffer of as
     many layers, "cameras-4" is one of a layer and those of as many extra cameras.
     """
-
-    SETTINGS = (
-        *(f"{kind}-{samples}" for samples in (8, 16) for kind in ("ssao", "direct", "bounce", "layers")),
-        "points-16",
-        "bitmask-1",
-        "bitmask-2",
-        "bitmask-layers-2",
-        "views-2",
-        "drawn-1",
-        "drawn-2",
-        f"cameras-{EXTRA_CAMERAS}",
-    )
-
-    def prepare(self, context: Context, setting: str) -> Subject:
-        """Make the pipeline ready."""
-        kind, _, text = setting.rpartition("-")
-        number = count_of(text, "a word, - and a number such as ssao-8", 1, 256)
-        runtime, view, radius = context.runtime, context.view, context.radius
-        layers = 2 if kind.endswith("layers") else 1
-        if kind in ("drawn", "cameras"):
-            return _drawn(context, kind, number)
-        if kind == "ssao":
-            renderer = Renderer(
-                runtime, context.size, FrameParams(bounces=0, ao=SsaoParams(radius=radius, samples=number))
-            )
-        elif kind in ("direct", "bounce", "layers", "points"):
-            params = SsdoParams(
-                radius=radius,
-                method="points" if kind == "points" else "published",
-                samples=number,
-                bounce=kind != "direct",
-            )
-            renderer = Renderer(runtime, context.size, FrameParams(indirect=params, layers=layers))
-        elif kind in ("bitmask", "bitmask-layers", "views"):
-            params = SsdoParams(radius=radius, slices=number, resolution="half")
-            views = EXTRA_CAMERAS if kind == "views" else 0
-            renderer = Renderer(
-                runtime, context.size, FrameParams(indirect=params, layers=layers, auxiliary_cameras=views)
-            )
-        else:
-            raise ValueError(
-                f"setting is {setting!r}: expected ssao, direct, bounce, layers, points, "
-                "bitmask, bitmask-layers, views, drawn or cameras, and a number, such as ssao-8"
-            )
-        lights = view.lights
-        if not any(isinstance(light, Environment) for light in lights):
-            lights = (*lights, Environment(EVEN_SKY))  # without any, SSAO has nothing to dim
-        cameras = _moving(context.camera)
-        return Subject(run=lambda: renderer(view.scene, next(cameras), lights, exposure=1.0))
+    kind, _, text = setting.rpartition("-")
+    number = count_of(text, "a word, - and a number such as ssao-8", 1, 256)
+    radius, layers = context.radius, 2 if kind.endswith("layers") else 1
+    if kind in ("drawn", "cameras"):
+        return _drawn(context, kind, number)
+    if kind == "ssao":
+        params = FrameParams(bounces=0, ao=SsaoParams(radius=radius, samples=number))
+    elif kind in ("direct", "bounce", "layers", "points"):
+        method = "points" if kind == "points" else "published"
+        ssdo = SsdoParams(radius=radius, method=method, samples=number, bounce=kind != "direct")
+        params = FrameParams(indirect=ssdo, layers=layers)
+    elif kind in ("bitmask", "bitmask-layers", "views"):
+        ssdo = SsdoParams(radius=radius, slices=number, resolution="half")
+        views = EXTRA_CAMERAS if kind == "views" else 0
+        params = FrameParams(indirect=ssdo, layers=layers, auxiliary_cameras=views)
+    else:
+        raise ValueError(
+            f"setting is {setting!r}: expected ssao, direct, bounce, layers, points, "
+            "bitmask, bitmask-layers, views, drawn or cameras, and a number, such as ssao-8"
+        )
+    renderer = Renderer(context.runtime, context.size, params)
+    scene, lights = context.view.scene, context.view.lights
+    if not any(isinstance(light, Environment) for light in lights):
+        lights = (*lights, Environment(EVEN_SKY))  # without any, SSAO has nothing to dim
+    cameras = _moving(context.camera)
+    return Subject(run=lambda: renderer(scene, next(cameras), lights, exposure=1.0))
 
 
 def _drawn(context: Context, kind: str, number: int) -> Subject:
@@ -218,26 +196,22 @@ def _drawn(context: Context, kind: str, number: int) -> Subject:
 
 def _moving(camera: Camera) -> Iterator[Camera]:
     """Return the camera and one a little aside in turns, so that nothing of a frame is kept."""
-    return cycle((camera, _moved(camera)))
-
-
-def _moved(camera: Camera) -> Camera:
-    """Return the camera a little aside."""
     view = camera.view.copy()
     view[0, 3] += 1e-3 * float(np.linalg.norm(camera.position) or 1.0)
-    return replace(camera, view=view)
+    return cycle((camera, replace(camera, view=view)))
 
 
+SAMPLES, SLICES = ("8", "16"), ("1", "2", "4")
 FAMILIES: Mapping[str, Family] = {
-    "ssdo-published": SsdoFamily("published"),
-    "ssdo-points": SsdoFamily("points"),
-    "ssdo-points-layers": SsdoFamily("points", layers=2, overscan=0.1),
-    "ssdo-bitmask": SsdoFamily("bitmask", SETTINGS=("1", "2", "4")),
-    "ssdo-bitmask-half": SsdoFamily("bitmask", "half", SETTINGS=("1", "2", "4")),
-    "ssdo-bitmask-layers": SsdoFamily("bitmask", "half", layers=2, overscan=0.1, SETTINGS=("1", "2", "4")),
+    "ssdo-published": Family(partial(bounced, method="published"), SAMPLES),
+    "ssdo-points": Family(partial(bounced, method="points"), SAMPLES),
+    "ssdo-points-layers": Family(partial(bounced, method="points", layers=2, overscan=0.1), SAMPLES),
+    "ssdo-bitmask": Family(bounced, SLICES),
+    "ssdo-bitmask-half": Family(partial(bounced, resolution="half"), SLICES),
+    "ssdo-bitmask-layers": Family(partial(bounced, resolution="half", layers=2, overscan=0.1), SLICES),
     **{
-        f"ssdo-far{name}": SsdoFamily("bitmask", far=True, SETTINGS=("2", "8"), **corrections)
+        f"ssdo-far{name}": Family(partial(bounced, far=True, **corrections), ("2", "8"))
         for name, corrections in CORRECTIONS.items()
     },
-    "ssdo-frame": Frames(),
+    "ssdo-frame": Family(frames, FRAMES),
 }

@@ -1,4 +1,4 @@
-"""Where a frame's error comes from: `python -m ssgi_cl.bench.experiments.ablation --help`.
+"""Sources of a frame's error: `python -m ssgi_cl.bench.experiments.ablation --help`.
 
 Its terms are replaced by those of the reference, one by one.
 
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl import truth
-from ssgi_cl.bench.cases.whole_frame import MODES
+from ssgi_cl.bench.cases.frame import MODES
 from ssgi_cl.bench.errors import picture_flip
 from ssgi_cl.bench.options import PixelSize, device_option, human_errors, meshes_option, progress_bar
 from ssgi_cl.core.gbuffer import GBuffer
@@ -51,7 +51,7 @@ DIRECT_ALONE: Mapping[str, Mapping[str, Any]] = {"direct": {}, "multires": {"ind
 """Frame -> what to change for direct light, of punctual lights, emission and environments; where no
 change gives it, reflected light is subtracted from the frame."""
 ONE_BOUNCE: Mapping[str, Any] = {"bounces": 1}
-"""What to change of other frames for direct light and one bounce."""
+"""Changes to other frames for direct light and one bounce."""
 
 
 class FrameError(NamedTuple):

@@ -1,4 +1,4 @@
-"""How far devices agree: `python -m ssgi_cl.bench.experiments.agreement` writes a table of it."""
+"""Agreement of devices: `python -m ssgi_cl.bench.experiments.agreement` writes a table of it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a pixel-sample costs by size of image and radius: `python -m ssgi_cl.bench.experiments.cost --help`."""
+"""Cost of a pixel-sample by size of image and radius: `python -m ssgi_cl.bench.experiments.cost --help`."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ TECHNIQUES: Mapping[str, tuple[Any, type[SliceParams]]] = {
 
 @dataclass(frozen=True)
 class Cost:
-    """What a technique takes with its default parameters.
+    """Cost of a technique with its default parameters.
 
     Attributes:
         technique: key in `TECHNIQUES`.

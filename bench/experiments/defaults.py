@@ -18,18 +18,19 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-from ssgi_cl.bench.discover import declared
 from ssgi_cl.bench.options import device_option
-from ssgi_cl.bench.scene_sets import SETS, SIZE, SceneSets, geometric_mean
+from ssgi_cl.bench.scene_sets import SETS, SIZE, SceneSets
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import KINDS
 from ssgi_cl.techniques.catalogue import TECHNIQUES
+from ssgi_cl.tuning.trials import geometric_mean
 from ssgi_cl.tuning.tunables import entry_of
 
+from . import scan_lights, scan_shadows, scan_views
 from .scan import LEAST_ERROR, Measured, Scan
 
-SCANS: Mapping[str, Scan] = declared("ssgi_cl.bench.experiments", "SCANS", prefix="scan_")
-"""What is scanned beside techniques of ambient occlusion, by name; of modules `scan_*`."""
+SCANS: Mapping[str, Scan] = {**scan_lights.SCANS, **scan_shadows.SCANS, **scan_views.SCANS}
+"""Scans beside those of techniques of ambient occlusion, by name."""
 
 
 def settings(given: Sequence[str], *, grid: bool) -> list[dict[str, Any]]:

@@ -1,4 +1,4 @@
-"""What more samples would gain: `python -m ssgi_cl.bench.experiments.gain --help`."""
+"""Gain of more samples: `python -m ssgi_cl.bench.experiments.gain --help`."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MOST = 32
 
 @dataclass(frozen=True)
 class Gain:
-    """What a technique errs against rays with its default slices, and with `MOST` everywhere.
+    """Error of a technique against rays with its default slices, and with `MOST` everywhere.
 
     No choice of where to put some more samples errs less than as many everywhere, but for luck.
 

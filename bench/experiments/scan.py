@@ -1,4 +1,4 @@
-"""What a scan of constants measures on one scene, and how constants without a parameter are set."""
+"""Measurement of a scan of constants on one scene, and replacement of constants without a parameter."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LEAST_ERROR = 1e-6
 
 @dataclass(frozen=True)
 class Measured:
-    """What a setting does on a scene.
+    """Measurement of a setting on a scene.
 
     Attributes:
         error: what decides, >= 0.

@@ -1,4 +1,4 @@
-"""Where shadow maps are wrong: `python -m ssgi_cl.bench.experiments.shadow_errors SCENE ...` prints a table.
+"""Errors of shadow maps: `python -m ssgi_cl.bench.experiments.shadow_errors SCENE ...` prints a table.
 
 Of every light the pixels count that show a surface; one is wrong where more than half of the light
 is there and a ray to the light meets something, or the reverse.

@@ -1,4 +1,4 @@
-"""What other programs need for the same work, measured beside ours in the same run.
+"""Other programs at the same work, measured beside this library in the same run.
 
 Each module makes families of cases (see `ssgi_cl.tuning.case.Family`) from one program. None of
 them imports that program before it is asked for: `missing()` says in a line what to install.
@@ -10,12 +10,11 @@ from collections.abc import Mapping
 
 from ssgi_cl.tuning.case import Family
 
-from . import embree, mitsuba_ao, mitsuba_frame, mitsuba_path, pyrender, vtk_ssao
+from . import embree, mitsuba_frame, mitsuba_rays, pyrender, vtk_ssao
 
 PEERS: Mapping[str, Family] = {
     **embree.FAMILIES,
-    **mitsuba_ao.FAMILIES,
-    **mitsuba_path.FAMILIES,
+    **mitsuba_rays.FAMILIES,
     **mitsuba_frame.FAMILIES,
     **vtk_ssao.FAMILIES,
     **pyrender.FAMILIES,

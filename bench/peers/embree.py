@@ -1,7 +1,7 @@
 """Ambient occlusion by Embree's rays against the mesh, asked for in one batch through embreex.
 
 Origins, directions and reaches are made before and lie contiguous in memory, so that a run is the
-queries and the mean of their answers. `mitsuba_ao` casts the same rays through wider packets.
+queries and the mean of their answers. `mitsuba_rays` casts the same rays through wider packets.
 """
 
 from __future__ import annotations
@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.sampling import basis, directions, hashed, r2_points, wrapped
+from ssgi_cl.truth.bent_normals import cosine_rays
 from ssgi_cl.truth.ray_ao import MOST_RAYS, Settings
 from ssgi_cl.truth.raycast import RayCaster
-from ssgi_cl.tuning.case import Subject, count_of
+from ssgi_cl.tuning.case import Family, Subject, count_of
 from ssgi_cl.tuning.context import Context
 
 from .extras import missing_package
@@ -52,11 +52,7 @@ class Rays:
         every = slice(0, context.size[0])
         spots = self._tree.spots(context.camera, every, context.host_gbuffer)
         self._pixel = spots.pixel
-        number = spots.pixel.astype(np.uint64)[None, :] * np.uint64(2) + np.arange(2, dtype=np.uint64)[:, None]
-        shift, point = hashed(number, SEED), r2_points(0, rays)
-        u, v = (wrapped(point[:, axis, None, None] + shift[axis]) for axis in (0, 1))
-        way = directions(u, v, basis(spots.axis), "cosine")[:, 0]
-        below = np.einsum("knd,nd->kn", way, spots.normal) <= 0.0
+        way, below = cosine_rays(spots, 0, rays, SEED)
         reach = np.float32(context.radius * self._tree.scale)
         self._start = np.ascontiguousarray(np.tile(spots.start, (rays, 1)), np.float32)
         self._way = np.ascontiguousarray(way.reshape(-1, 3), np.float32)
@@ -82,28 +78,20 @@ class Rays:
         return np.clip(image, 0.0, 1.0)
 
 
-class EmbreeFamily:
-    """Rays as the reference casts them, but fewer; the setting is their number a pixel."""
+def rays(context: Context, setting: str) -> Subject:
+    """Make rays as the reference casts them ready, but fewer; the setting is their number a pixel.
 
-    SETTINGS: tuple[str, ...] = ("1", "4", "16")
-
-    def missing(self) -> str:
-        """Return what to install where embreex is missing."""
-        return missing_package("embreex", "truth")
-
-    def prepare(self, context: Context, setting: str) -> Subject:
-        """Build the search tree, find the points that rays start from, and make the rays."""
-        rays = count_of(setting, "rays per pixel", 1, MOST_RAYS)
-        cast = Rays(context, rays).cast
-        return Subject(
-            run=cast,
-            image=cast,
-            on_device=False,
-            quantity="occlusion",
-            samples=float(rays) * np.count_nonzero(context.seen),
-            truths={"world": context.occlusion},
-            counted="queries in one batch; rays made before",
-        )
+    Builds the search tree and finds the points that they start from.
+    """
+    number = count_of(setting, "rays per pixel", 1, MOST_RAYS)
+    return Subject.of_image(
+        Rays(context, number).cast,
+        on_device=False,
+        quantity="occlusion",
+        samples=float(number) * context.surface_pixels,
+        truths={"world": context.occlusion},
+        counted="queries in one batch; rays made before",
+    )
 
 
-FAMILIES = {"embree": EmbreeFamily()}
+FAMILIES = {"embree": Family(rays, ("1", "4", "16"), missing=lambda: missing_package("embreex", "truth"))}

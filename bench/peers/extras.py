@@ -1,4 +1,4 @@
-"""Whether an optional package is there, and what to install where it isn't."""
+"""Optional packages: their presence, and the extra that brings them."""
 
 from __future__ import annotations
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
@@ -24,9 +23,8 @@ from ssgi_cl.truth.mitsuba_scene import MitsubaScene, sensor, within
 from ssgi_cl.tuning.case import Family, Subject, count_of
 from ssgi_cl.tuning.context import Context
 
-from ..views import moving_cameras
-from .mitsuba_rays import VARIANT, missing
-from .oidn import QUALITY
+from ..drawn import moving_cameras
+from .mitsuba_rays import QUALITY, VARIANT, families
 
 Floats = NDArray[np.float32]
 
@@ -86,56 +84,45 @@ class PathFrames:
         return np.array(image, np.float32)
 
 
-@dataclass(frozen=True)
-class MitsubaFrame:
-    """Whole frames; the setting is the number of paths a pixel.
+def frames(context: Context, setting: str, *, denoised: bool = False, first: bool = False) -> Subject:
+    """Load the scene, to make whole frames of it; the setting is the number of paths a pixel.
 
-    Attributes:
+    Args:
+        context, setting: see `Family`.
         denoised: whether Intel's denoiser follows.
         first: each frame with the scene loaded anew; else it stays and the camera moves.
     """
+    samples = count_of(setting, "paths per pixel", 1, MOST_PATHS)
+    view, cameras = context.view, moving_cameras(context)
+    made: PathFrames | None = None
 
-    SETTINGS: tuple[str, ...] = ("1", "4", "16", "64")
-    denoised: bool = False
-    first: bool = False
+    def forget() -> None:
+        nonlocal made
+        made = None
+        gc.collect()
 
-    def missing(self) -> str:
-        """Return what to install where Mitsuba, LLVM or the denoiser is missing."""
-        return missing(denoised=self.denoised)
+    def frame(camera: Camera) -> Floats:
+        nonlocal made
+        if made is None:
+            made = PathFrames(view.scene, view.own_lights, samples, denoised=denoised)
+        return made.frame(camera)
 
-    def prepare(self, context: Context, setting: str) -> Subject:
-        """Load the scene."""
-        samples = count_of(setting, "paths per pixel", 1, MOST_PATHS)
-        view, cameras = context.view, moving_cameras(context)
-        made: PathFrames | None = None
-
-        def forget() -> None:
-            nonlocal made
-            made = None
-            gc.collect()
-
-        def frame(camera: Camera) -> Floats:
-            nonlocal made
-            if made is None:
-                made = PathFrames(view.scene, view.own_lights, samples, denoised=self.denoised)
-            return made.frame(camera)
-
-        return Subject(
-            run=lambda: frame(context.camera if self.first else next(cameras)),
-            image=lambda: frame(context.camera),
-            setup=forget if self.first else None,
-            on_device=False,
-            quantity="radiance",
-            truths={"world": context.radiance},
-            counted="the whole frame"
-            + (", the scene loaded" if self.first else ", the camera moves")
-            + (", denoised" if self.denoised else ""),
-        )
+    return Subject(
+        run=lambda: frame(context.camera if first else next(cameras)),
+        image=lambda: frame(context.camera),
+        setup=forget if first else None,
+        on_device=False,
+        quantity="radiance",
+        truths={"world": context.radiance},
+        counted="the whole frame"
+        + (", the scene loaded" if first else ", the camera moves")
+        + (", denoised" if denoised else ""),
+    )
 
 
-KEPT: Mapping[str, Family] = {"mitsuba-frame": MitsubaFrame(), "mitsuba-frame-oidn": MitsubaFrame(denoised=True)}
+KEPT: Mapping[str, Family] = {f"mitsuba-frame{suffix}": family for suffix, family in families(frames).items()}
+"""Of a scene that stays."""
 FAMILIES: Mapping[str, Family] = {
     **KEPT,
-    "mitsuba-frame-first": MitsubaFrame(first=True),
-    "mitsuba-frame-oidn-first": MitsubaFrame(first=True, denoised=True),
+    **{f"mitsuba-frame{suffix}-first": family for suffix, family in families(frames, first=True).items()},
 }

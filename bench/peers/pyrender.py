@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-import time
+import statistics
+import timeit
 import weakref
 from importlib import import_module
 from typing import Any
@@ -17,7 +18,7 @@ from ssgi_cl.core.errors import MissingExtraError
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.rasterize.raster import opengl
 from ssgi_cl.rasterize.raster.opengl_context import context as opengl_context
-from ssgi_cl.tuning.case import Subject
+from ssgi_cl.tuning.case import Family, Subject
 from ssgi_cl.tuning.context import Context
 
 FLAGS = {"flat": "FLAT", "depth": "DEPTH_ONLY"}
@@ -70,33 +71,24 @@ def median_ms(scene: Scene, camera: Camera, name: str, repeats: int = 5) -> floa
         MissingExtraError: pyrender, EGL or an OpenGL driver is missing.
     """
     frames = Frames(scene, camera, name)
-    times = []
-    for _ in range(max(1, repeats)):
-        start = time.perf_counter()
-        frames.draw()
-        times.append(time.perf_counter() - start)
+    seconds = timeit.repeat(frames.draw, number=1, repeat=repeats)
     frames.close()
-    return 1e3 * float(np.median(times))
+    return 1e3 * statistics.median(seconds)
 
 
-class PyrenderFamily:
-    """The setting is the name of a pass."""
+def missing() -> str:
+    """Return what is missing: pyrender, or a driver."""
+    try:
+        with opengl_context():
+            return ""
+    except MissingExtraError as error:
+        return " ".join(str(error).split())
 
-    SETTINGS = tuple(FLAGS)
 
-    def missing(self) -> str:
-        """Return what is missing: pyrender, or a driver."""
-        try:
-            with opengl_context():
-                return ""
-        except MissingExtraError as error:
-            return " ".join(str(error).split())
-
-    def prepare(self, context: Context, setting: str) -> Subject:
-        """Upload the scene and compile the shaders."""
-        name = checks.choice("setting", setting, self.SETTINGS)
-        frames = Frames(context.view.scene, context.camera, name)
-        return Subject(run=frames.draw, on_device=False, note="four samples a pixel, read back")
+def drawn(context: Context, setting: str) -> Subject:
+    """Upload the scene and compile the shaders of a pass; the setting is its name."""
+    frames = Frames(context.view.scene, context.camera, checks.choice("setting", setting, tuple(FLAGS)))
+    return Subject(run=frames.draw, on_device=False, note="four samples a pixel, read back")
 
 
 def _closed(renderer: Any) -> None:
@@ -154,4 +146,4 @@ def _primitive(pyrender: Any, scene: Scene, index: int) -> Any:
     )
 
 
-FAMILIES = {"pyrender": PyrenderFamily()}
+FAMILIES = {"pyrender": Family(drawn, tuple(FLAGS), missing=missing)}

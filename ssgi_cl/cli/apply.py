@@ -154,7 +154,7 @@ def apply_command(
     if output is None:
         raise click.UsageError("Missing option '-o' / '--output'.")
     checked_output(output, (".exr",))
-    adds = _is_same_file(source, output)
+    adds = source.exists() and output.exists() and source.samefile(output)  # by links too
     if adds and not overwrite:
         raise click.UsageError(f"--output is {output}: that is the input; --overwrite adds the result to its channels")
     if method is not None:
@@ -191,11 +191,6 @@ def apply_command(
         else:
             exr.write(output, channels, data=header.data, display=header.display)
     report(as_json, runtime, passes, [output], {"width": camera.width, "height": camera.height})
-
-
-def _is_same_file(source: Path, output: Path) -> bool:
-    """Return whether both paths lead to one file, by links too."""
-    return source.exists() and output.exists() and source.samefile(output)
 
 
 def _channels(technique: Technique, result: Any) -> dict[str, Any]:

@@ -40,6 +40,11 @@ if TYPE_CHECKING:
 
 _OUTDOORS = (DirectionalLight, Environment)
 """Lights that --environment replaces."""
+_AS_GIVEN = (
+    *("preset", "indirect", "method", "vpls", "glossy_vpls", "indirect_ao", "layers", "auxiliary_cameras"),
+    *("ao_samples", "shadow_size", "rsm_size", "exposure"),
+)
+"""Options that are arguments of `render` as they are."""
 
 
 @click.command("render")
@@ -207,7 +212,9 @@ def frame_arguments(
     """
     from ssgi_cl.rasterize.scenes import SCENE_NAMES, is_scene, make_scene
 
-    _check_view_options(options)
+    given = [f"--{name}" for name in ("eye", "target", "up", "fov") if options[name] is not None]
+    if options["camera"] is not None and given:
+        raise click.UsageError(f"--camera and {given[0]} exclude each other")
     if not is_scene(scene):
         _check_file(Path(scene), SCENE_NAMES)
     around = None if options["environment"] is None else _environment(options["environment"])
@@ -221,29 +228,14 @@ def frame_arguments(
         lights = (*(light for light in lights if not isinstance(light, _OUTDOORS)), around)
     if options["ambient"] is not None:
         lights = (*lights, Environment(options["ambient"]))
-    return (
-        loaded,
-        camera,
-        lights,
-        {
-            "bounces": _bounces(options["bounces"]),
-            "preset": options["preset"],
-            "ao": False if options["ao"] == "none" else options["ao"],
-            "indirect": options["indirect"],
-            "method": options["method"],
-            "vpls": options["vpls"],
-            "glossy_vpls": options["glossy_vpls"],
-            "indirect_ao": options["indirect_ao"],
-            "layers": options["layers"],
-            "auxiliary_cameras": options["auxiliary_cameras"],
-            "ao_radius": (radius if options["ao_radius"] is None and not _whole(options) else options["ao_radius"]),
-            "ao_samples": options["ao_samples"],
-            "shadow_size": options["shadow_size"],
-            "rsm_size": options["rsm_size"],
-            "exposure": options["exposure"],
-            "runtime": runtime,
-        },
-    )
+    arguments = {
+        **{name: options[name] for name in _AS_GIVEN},
+        "bounces": _bounces(options["bounces"]),
+        "ao": False if options["ao"] == "none" else options["ao"],
+        "ao_radius": radius if options["ao_radius"] is None and not _whole(options) else options["ao_radius"],
+        "runtime": runtime,
+    }
+    return loaded, camera, lights, arguments
 
 
 def _whole(options: dict[str, Any]) -> bool:
@@ -271,12 +263,6 @@ def _environment(text: str) -> Environment:
     if len(radiance) != 3:
         raise click.UsageError(f"--environment {shown(text)}: expected a file or R,G,B")
     return Environment(radiance)
-
-
-def _check_view_options(options: dict[str, Any]) -> None:
-    given = [f"--{name}" for name in ("eye", "target", "up", "fov") if options[name] is not None]
-    if options["camera"] is not None and given:
-        raise click.UsageError(f"--camera and {given[0]} exclude each other")
 
 
 def _check_file(path: Path, scenes: str) -> None:
@@ -330,16 +316,14 @@ def _from_file(
         camera = Camera.look_at(
             options["eye"], options["target"], options["up"] or (0.0, 1.0, 0.0), yfov=yfov, width=width, height=height
         )
-    elif options["camera"] is not None and _names_a_file(options["camera"]):
-        camera = _camera_file(Path(options["camera"]), options)
+    elif options["camera"] is not None:
+        file = Path(options["camera"])
+        if file.suffix.lower() == ".json" or file.is_file():
+            camera = _camera_file(file, options)
     scene = load_scene(path)
     camera = camera or _camera_of(scene, path, options, runtime)
     lights = scene.lights or default_lights(scene, camera, runtime, emission=_whole(options))
     return scene, camera, lights, None
-
-
-def _names_a_file(camera: str) -> bool:
-    return Path(camera).suffix.lower() == ".json" or Path(camera).is_file()
 
 
 def _camera_of(scene: Scene, path: Path, options: dict[str, Any], runtime: Runtime) -> Camera:

@@ -1,4 +1,4 @@
-"""What results are measured against: made slowly, kept on disk, with their standard errors."""
+"""References that results are measured against: kept on disk, with their standard errors."""
 
 from __future__ import annotations
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,15 +12,12 @@ from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.sampling import basis, directions, hashed, r2_points, wrapped
 from ssgi_cl.core.scene import Scene
-from ssgi_cl.truth.digests import camera_description, digest, scene_digest
+from ssgi_cl.truth.digests import camera_description, scene_digest
 from ssgi_cl.truth.estimators import versioned
-from ssgi_cl.truth.occlusion import FEWEST_RAYS, MOST_PASSES
-from ssgi_cl.truth.ray_ao import MOST_RAYS, threads
+from ssgi_cl.truth.occlusion import inner_digest, split
+from ssgi_cl.truth.ray_ao import BLOCK_RAYS, in_blocks
 from ssgi_cl.truth.raycast import RayCaster, Spots
 from ssgi_cl.truth.store import Truth, accumulated
-
-_PIXELS = 8192  # of a block, the unit of work of a thread
-_RAYS = 1 << 18  # traced in one go; more of them leave the cache
 
 
 def bent_normals(
@@ -52,11 +48,8 @@ def bent_normals(
     """
     version = ssgi_cl.truth.raycast.embree_version()
     radius = checks.number("radius", radius, low=0, above=True, unit="scene units", infinite=True)
-    rays = checks.integer("rays", rays, low=1, high=MOST_RAYS, unit="rays per pixel")
-    passes = min(max(rays // FEWEST_RAYS, 2), MOST_PASSES)
-    share = -(-rays // passes)
+    passes, share = split(rays)
     caster = RayCaster(scene)
-    arrays = (gbuffer.first(name) for name in ("depth", "normal"))
     sums = accumulated(
         {
             "kind": "bent",
@@ -64,7 +57,7 @@ def bent_normals(
             "camera": camera_description(gbuffer.camera),
             "radius": radius,
             "rays": share,
-            "gbuffer": digest(*(None if array is None else gbuffer.inner(array) for array in arrays)),
+            "gbuffer": inner_digest(gbuffer),
             "embreex": version,
             "estimator": versioned("bent normals"),
         },
@@ -79,38 +72,40 @@ def bent_normals(
 
 def _means(caster: RayCaster, gbuffer: GBuffer, radius: float, rays: int, seed: int) -> NDArray[np.float32]:
     """Return the sum of the open directions over the number of rays, [rows, columns, 3]."""
-    rows, columns = gbuffer.size
-    result = np.zeros((rows * columns, 3), np.float32)
-    height = max(1, _PIXELS // columns)
+    result = np.zeros((gbuffer.size[0] * gbuffer.size[1], 3), np.float32)
 
-    def work(first: int) -> None:
-        spots = caster.spots(gbuffer.camera, slice(first, min(first + height, rows)), gbuffer)
+    def work(block: slice) -> None:
+        spots = caster.spots(gbuffer.camera, block, gbuffer)
         if len(spots.pixel):
             result[spots.pixel] = _open(caster, spots, radius, rays, seed)
 
-    with ThreadPoolExecutor(threads()) as pool:
-        for _ in pool.map(work, range(0, rows, height)):
-            pass
-    return result.reshape(rows, columns, 3)
+    in_blocks(gbuffer.size, work)
+    return result.reshape(*gbuffer.size, 3)
 
 
 def _open(caster: RayCaster, spots: Spots, radius: float, rays: int, seed: int) -> NDArray[np.float64]:
     """Return the mean over the rays of each spot, a ray that meets something being 0."""
     count = len(spots.pixel)
-    # Each pixel moves the points by other numbers round the unit square (Cranley-Patterson).
-    keys = spots.pixel.astype(np.uint64)[None, :] * np.uint64(2)
-    shift = hashed(keys + np.arange(2, dtype=np.uint64)[:, None], seed)
-    axes = basis(spots.axis)
     reach = np.float32(radius * caster.scale)
     total = np.zeros((count, 3))
-    step = max(1, _RAYS // count)
+    step = max(1, BLOCK_RAYS // count)
     for first in range(0, rays, step):
-        point = r2_points(first, min(first + step, rays))
-        u, v = (wrapped(point[:, d, None] + shift[d]) for d in (0, 1))
-        way = directions(u, v, axes, "cosine")
-        below = np.einsum("knd,nd->kn", way, spots.normal) <= 0.0
+        way, below = cosine_rays(spots, first, min(first + step, rays), seed)
         reaches = np.where(below, np.float32(-1.0), reach)  # negative: not traced
         start = np.broadcast_to(spots.start, way.shape).reshape(-1, 3)
-        blocked = caster.blocked(start, way.reshape(-1, 3), reaches.ravel()).reshape(u.shape)
+        blocked = caster.blocked(start, way.reshape(-1, 3), reaches.ravel()).reshape(below.shape)
         total += np.einsum("knd,kn->nd", way, (~(blocked | below)).astype(np.float32))
     return total / rays
+
+
+def cosine_rays(spots: Spots, first: int, last: int, seed: int) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Return directions [rays, spots, 3] and which start into their surface [rays, spots].
+
+    Each pixel moves the points by other numbers round the unit square (Cranley-Patterson).
+    """
+    keys = spots.pixel.astype(np.uint64)[None, :] * np.uint64(2)
+    shift = hashed(keys + np.arange(2, dtype=np.uint64)[:, None], seed)
+    point = r2_points(first, last)
+    u, v = (wrapped(point[:, d, None] + shift[d]) for d in (0, 1))
+    way = directions(u, v, basis(spots.axis), "cosine")
+    return way, np.einsum("knd,nd->kn", way, spots.normal) <= 0.0

@@ -1,4 +1,4 @@
-"""What determines a truth, as text and hashes: two that differ in anything differ in these."""
+"""Descriptions and hashes of what determines a truth: two that differ in anything differ in these."""
 
 from __future__ import annotations
 

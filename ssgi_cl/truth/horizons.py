@@ -1,4 +1,4 @@
-"""What the surfaces that a half-plane crosses hide of what HBAO, GTAO and the bitmask integrate."""
+"""Integrals of HBAO, GTAO and the bitmask over a half-plane, and the share that surfaces hide."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Plane:
 
 @dataclass(frozen=True, eq=False)
 class Crossed:
-    """What one side of a plane crosses; arrays [pixels, surfaces], from near to far on the screen.
+    """Surfaces that one side of a plane crosses; arrays [pixels, surfaces], from near to far on the screen.
 
     Attributes:
         counts: whether a surface is there, within the reach and above the tangent plane.
@@ -117,7 +117,7 @@ def _gtao(params: GtaoParams, plane: Plane, crossed: Crossed) -> tuple[Doubles, 
 
 
 def _hbao(params: HbaoParams, plane: Plane, crossed: Crossed) -> tuple[Doubles, Doubles]:
-    """What raises the horizon hides, attenuated by its distance (Bavoil and Sainz 2008)."""
+    """Steps that raise the horizon, attenuated by their distance (Bavoil and Sainz 2008)."""
     floor = np.sin(np.minimum(np.arctan(plane.edge) + params.angle_bias, 0.5 * np.pi))[:, None]
     elevation = np.where(crossed.counts, crossed.cot / np.hypot(1.0, crossed.cot), -1.0)
     horizon = np.maximum.accumulate(np.maximum(elevation, floor), axis=1)

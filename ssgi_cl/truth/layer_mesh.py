@@ -19,8 +19,7 @@ FARTHEST = 1e38
 """Coordinate, scene units."""
 
 JOINS = ("surface", "layer", "always")
-"""What a pixel of a layer is joined with in the next pixel; see `ssgi_cl.truth.layered_occlusion`.
-"""
+"""Rules by which a pixel of a layer is joined with the next; see `ssgi_cl.truth.layered_occlusion`."""
 
 
 def layer_positions(gbuffer: GBuffer) -> Doubles:

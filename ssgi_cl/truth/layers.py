@@ -19,7 +19,7 @@ from ssgi_cl.core.scene import Scene
 from ssgi_cl.reference.gbuffer import SurfaceView
 from ssgi_cl.truth.digests import camera_description, digest
 from ssgi_cl.truth.estimators import versioned
-from ssgi_cl.truth.occlusion import FEWEST_RAYS, MOST_PASSES
+from ssgi_cl.truth.occlusion import of_rays, split
 from ssgi_cl.truth.raycast import OFFSET, RayCaster, Spots
 from ssgi_cl.truth.store import Truth, accumulated
 
@@ -68,19 +68,14 @@ def layered_occlusion(
     if not isinstance(gbuffer, GBuffer):
         raise TypeError(f"gbuffer is {type(gbuffer).__name__}: expected an ssgi_cl.GBuffer")
     version = ssgi_cl.truth.raycast.embree_version()
-    rays = checks.integer("rays", rays, low=1, high=estimator.MOST_RAYS, unit="rays per pixel")
+    passes, share = split(rays)
     joins = checks.choice("joins", joins, mesh.JOINS)
-    passes = min(max(rays // FEWEST_RAYS, 2), MOST_PASSES)
-    share = -(-rays // passes)
     description: dict[str, Any] = {
         "kind": "layers",
         "camera": camera_description(gbuffer.camera),
         "gbuffer": digest(gbuffer.depth, gbuffer.first("normal")),
         "joins": joins,
-        "radius": checks.number("radius", radius, low=0, above=True, unit="scene units", infinite=True),
-        "rays": share,
-        "weighting": checks.choice("weighting", weighting, estimator.WEIGHTINGS),
-        "attenuation": attenuation if isinstance(attenuation, str) else np.asarray(attenuation, np.float64).tolist(),
+        **of_rays(radius, share, weighting, attenuation),
         "embreex": version,
         "estimator": versioned("layered occlusion"),
     }

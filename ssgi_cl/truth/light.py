@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -119,27 +121,47 @@ def _truth(
     if not lights:
         raise ValueError("lights is empty: expected at least one light")
     exact = tracer is DirectLight and not any(isinstance(light, Environment) for light in lights)
-    passes, per_pass = passes_of(paths)
+    description = {"kind": kind, "estimator": versioned("light")}
+    return traced(description, tracer, scene, camera, lights, paths, exact=exact, rebuild=rebuild, progress=progress)
+
+
+def traced(
+    description: dict[str, Any],
+    tracer: Callable[[Scene, Sequence[Light], str], PathTracer],
+    scene: Scene,
+    camera: Camera,
+    lights: Sequence[Light],
+    paths: int,
+    *,
+    exact: bool,
+    rebuild: bool,
+    progress: Callable[[float], object] | None,
+) -> Truth:
+    """Return the mean of a tracer's images, the kept one or made now.
+
+    Args:
+        description: what determines an image beside scene, camera, lights and Mitsuba.
+        tracer: is made of scene, lights and a variant of Mitsuba.
+        scene, camera, lights, paths, rebuild, progress: see `direct_light`.
+        exact: images have no noise, so that one path is enough.
+    """
+    passes, per_pass = _passes_of(paths)
     if exact:
         passes = per_pass = 1
     variant = mitsuba_scene.best_variant()
-    description = {
-        "kind": kind,
+    description |= {
         "scene": digests.scene_digest(scene),
         "camera": digests.camera_description(camera),
         "lights": [digests.light_description(light) for light in lights],
         "paths of a pass": per_pass,
         "variant": variant,
         "mitsuba": mitsuba_scene.mitsuba().__version__,
-        "estimator": versioned("light"),
     }
-    made: list[PathTracer] = []  # only if something has to be computed
+    prepared = cache(lambda: tracer(scene, lights, variant))  # only if something has to be computed
 
     def make(number: int) -> Floats:
         with mitsuba_scene.within(variant):
-            if not made:
-                made.append(tracer(scene, lights, variant))
-            return made[0].image(camera, per_pass, number)
+            return prepared().image(camera, per_pass, number)
 
     return accumulated(description, passes, make, exact=exact, rebuild=rebuild, progress=progress)
 
@@ -153,7 +175,7 @@ def checked_inputs(scene: Scene, camera: Camera, lights: Sequence[Light]) -> tup
     return light_tuple(lights)
 
 
-def passes_of(paths: int) -> tuple[int, int]:
+def _passes_of(paths: int) -> tuple[int, int]:
     """Return the number of independent passes for `paths` per pixel, and the paths of each."""
     paths = checks.integer("paths", paths, low=1, high=MOST_PATHS, unit="paths per pixel")
     passes = max(min(PASSES, math.isqrt(paths)), min(paths, 2), math.ceil(paths / _LONGEST))

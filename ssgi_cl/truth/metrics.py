@@ -1,4 +1,4 @@
-"""How far an image is from its truth: one number each, over the pixels that count.
+"""Metrics of the error of an image against its truth, over the pixels that count.
 
 Images are [rows, columns] or [rows, columns, 3] in linear light. Of the mask [rows, columns] only
 pixels that are True count; without one, all do. The truth comes second.
@@ -30,7 +30,7 @@ PIXELS_PER_DEGREE = 67.02
 """Of FLIP: a display 0.7 m wide with 3840 columns, seen from 0.7 m."""
 
 REGIONS = ("border", "thin", "silhouettes", "creases", "elsewhere")
-"""Where an error may sit, in the order in which they claim a pixel."""
+"""Regions of an image, in the order in which they claim a pixel."""
 
 STEP = 0.02
 """A silhouette: each of two neighbours is off the other's tangent plane by this share of depth."""
@@ -181,7 +181,7 @@ def regions(gbuffer: GBuffer) -> dict[str, Mask]:
     Args:
         gbuffer: its first layer; normals that it lacks are taken from its depth.
     """
-    depth = _inner(gbuffer, "depth").astype(np.float64)
+    depth = inner_array(gbuffer, "depth").astype(np.float64)
     seen = np.isfinite(depth)
     normal, known = _normals(gbuffer, depth)
     away, nearer, farther, turned = _edges(gbuffer, depth, normal, known)
@@ -290,7 +290,8 @@ def _flip(
     return float(errors[where].mean())
 
 
-def _inner(gbuffer: GBuffer, name: str) -> NDArray[np.float32]:
+def inner_array(gbuffer: GBuffer, name: str) -> NDArray[np.float32]:
+    """Return an array of the first layer without the margin; ValueError if there is none."""
     array = gbuffer.first(name)
     if array is None:
         raise ValueError(f"gbuffer has no {name}")
@@ -306,7 +307,7 @@ def _normals(gbuffer: GBuffer, depth: Doubles) -> tuple[Doubles, Mask]:
     # View rays and positions in view space, whose origin is near.
     position = _positions(gbuffer, depth)
     if gbuffer.normal is not None:
-        world = _inner(gbuffer, "normal").astype(np.float64)
+        world = inner_array(gbuffer, "normal").astype(np.float64)
         normal = world @ gbuffer.camera.view[:3, :3].T
     else:
         normal = np.cross(_slope(position, 0), _slope(position, 1))
@@ -404,11 +405,8 @@ def _between(farther: Mask, nearer: Mask, axis: int) -> Mask:
 
 def _grown(mask: Mask, reach: int) -> Mask:
     """Return the mask with all pixels within `reach` rows and columns of it."""
-    for axis in (0, 1):
-        line = np.moveaxis(mask, axis, 0)
-        grown = line.copy()
-        for k in range(1, min(reach, len(line) - 1) + 1):
-            grown[k:] |= line[:-k]
-            grown[:-k] |= line[k:]
-        mask = np.moveaxis(grown, 0, axis)
-    return mask
+    from scipy.ndimage import binary_dilation  # takes a fifth of a second, which other commands do without
+
+    side = 2 * reach + 1
+    grown: Mask = binary_dilation(mask, np.ones((side, side), np.bool_))
+    return grown

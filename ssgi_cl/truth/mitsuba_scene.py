@@ -126,12 +126,17 @@ class MitsubaScene:
                         mi, back, int(index), emits=True, glossy=lobes == "surfaces", through=through
                     )
                 mesh = _mesh(mi, scene, int(index), emits=emits, glossy=lobes == "surfaces", through=through)
+                material, values = scene.materials[index], dict[str, Any]()
                 if emitters is not None:
-                    _add_emission(mesh, scene, int(index), emitters)
+                    values |= {EMISSION: material.emission, DENSITY: emitters.material_density[index]}
                 if lobes == "attributes":
-                    _add_lobe(mesh, scene, int(index))
+                    values |= {SPECULAR: material.specular, GLOSS: material.gloss}
                 if blends and through == "attributes":
-                    _add_transmission(mesh, scene, int(index))
+                    values |= {TRANSMISSION: material.transmitted, BLENDS: material.blends}
+                count = int(np.count_nonzero(scene.material_ids == index))
+                for name, value in values.items():
+                    each = np.atleast_1d(np.asarray(value, np.float32))
+                    mesh.add_attribute(name, len(each), np.tile(each, count))
                 parts[f"material_{index}"] = mesh
             for index, light in enumerate(lights):
                 if not isinstance(light, Environment) and power(light).any():
@@ -323,28 +328,6 @@ def _turned_round(scene: Scene, index: int) -> Scene:
         triangles=np.arange(len(vertices), dtype=np.int32).reshape(-1, 3)[:, ::-1],
         material_ids=np.full(len(chosen), index, np.int32),
     )
-
-
-def _add_emission(mesh: Any, scene: Scene, index: int, emitters: Emitters) -> None:
-    count = int(np.count_nonzero(scene.material_ids == index))
-    radiance = np.tile(np.array(scene.materials[index].emission, np.float32), count)
-    mesh.add_attribute(EMISSION, 3, radiance)
-    mesh.add_attribute(DENSITY, 1, np.full(count, emitters.material_density[index], np.float32))
-
-
-def _add_lobe(mesh: Any, scene: Scene, index: int) -> None:
-    count = int(np.count_nonzero(scene.material_ids == index))
-    material = scene.materials[index]
-    mesh.add_attribute(SPECULAR, 3, np.tile(np.array(material.specular, np.float32), count))
-    mesh.add_attribute(GLOSS, 1, np.full(count, material.gloss, np.float32))
-
-
-def _add_transmission(mesh: Any, scene: Scene, index: int) -> None:
-    count = int(np.count_nonzero(scene.material_ids == index))
-    material = scene.materials[index]
-    through = np.tile(np.array(material.transmitted, np.float32), count)
-    mesh.add_attribute(TRANSMISSION, 3, through)
-    mesh.add_attribute(BLENDS, 1, np.full(count, material.blends, np.float32))
 
 
 def _surface(

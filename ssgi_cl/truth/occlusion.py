@@ -57,20 +57,16 @@ def ambient_occlusion(
         TruthError: what is kept is damaged; see `ssgi_cl.truth.store.accumulated`.
         MissingExtraError: embreex is not installed; it comes with the extra `truth`.
     """
-    version = ssgi_cl.truth.raycast.embree_version()
-    rays = checks.integer("rays", rays, low=1, high=estimator.MOST_RAYS, unit="rays per pixel")
-    passes = min(max(rays // FEWEST_RAYS, 2), MOST_PASSES)
-    share = -(-rays // passes)
+    embreex = ssgi_cl.truth.raycast.embree_version()
+    ssgi_cl.truth.raycast.check_gbuffer(gbuffer, camera)
+    passes, share = split(rays)
     description: dict[str, Any] = {
         "kind": "ao",
         "scene": scene_digest(scene),
         "camera": camera_description(camera),
-        "radius": checks.number("radius", radius, low=0, above=True, unit="scene units", infinite=True),
-        "rays": share,
-        "weighting": checks.choice("weighting", weighting, estimator.WEIGHTINGS),
-        "attenuation": attenuation if isinstance(attenuation, str) else np.asarray(attenuation, np.float64).tolist(),
-        "gbuffer": _gbuffer_digest(gbuffer, camera),
-        "embreex": version,
+        **of_rays(radius, share, weighting, attenuation),
+        "gbuffer": None if gbuffer is None else inner_digest(gbuffer),
+        "embreex": embreex,
         "estimator": versioned("occlusion"),
     }
 
@@ -90,10 +86,24 @@ def ambient_occlusion(
     return accumulated(description, passes, make, rebuild=rebuild, progress=progress)
 
 
-def _gbuffer_digest(gbuffer: GBuffer | None, camera: Camera) -> str | None:
+def split(rays: int) -> tuple[int, int]:
+    """Return the number of passes for `rays` per pixel, and the rays of each."""
+    rays = checks.integer("rays", rays, low=1, high=estimator.MOST_RAYS, unit="rays per pixel")
+    passes = min(max(rays // FEWEST_RAYS, 2), MOST_PASSES)
+    return passes, -(-rays // passes)
+
+
+def of_rays(radius: float, share: int, weighting: str, attenuation: str | ArrayLike) -> dict[str, Any]:
+    """Return what rays depend on, checked, for a description."""
+    return {
+        "radius": checks.number("radius", radius, low=0, above=True, unit="scene units", infinite=True),
+        "rays": share,
+        "weighting": checks.choice("weighting", weighting, estimator.WEIGHTINGS),
+        "attenuation": attenuation if isinstance(attenuation, str) else np.asarray(attenuation, np.float64).tolist(),
+    }
+
+
+def inner_digest(gbuffer: GBuffer) -> str:
     """Return the hash of what rays take from a G-buffer."""
-    ssgi_cl.truth.raycast.check_gbuffer(gbuffer, camera)
-    if gbuffer is None:
-        return None
     arrays = (gbuffer.first(name) for name in ("depth", "normal"))
     return digest(*(None if array is None else gbuffer.inner(array) for array in arrays))

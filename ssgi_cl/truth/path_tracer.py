@@ -35,7 +35,7 @@ PATHS = 1 << 16
 
 
 class Surface(NamedTuple):
-    """Where rays end, in Mitsuba's numbers: one of each, or an array with a lane for each ray.
+    """Surface points where rays end, in Mitsuba's numbers: one of each, or an array with a lane for each ray.
 
     Attributes:
         there: whether the ray met something; the rest is of no use otherwise.

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Literal
-
-import numpy as np
-from numpy.typing import NDArray
 
 from ssgi_cl.core import checks
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import Environment, Light, light_extent
 from ssgi_cl.core.scene import Scene
-from ssgi_cl.truth import digests, mitsuba_scene
 from ssgi_cl.truth.estimators import versioned
-from ssgi_cl.truth.light import checked_inputs, passes_of
+from ssgi_cl.truth.light import checked_inputs, traced
 from ssgi_cl.truth.radiance_tracer import MOST_BOUNCES, RadianceTracer
-from ssgi_cl.truth.store import Truth, accumulated
+from ssgi_cl.truth.store import Truth
 
 
 def radiance(
@@ -69,7 +66,6 @@ def radiance(
     """
     lights = checked_inputs(scene, camera, lights)
     checks.switch("box_filter", box_filter)
-    passes, per_pass = passes_of(paths)
     most = _most_bounces(bounces)
     emits = any(m.emits for m in scene.used_materials)
     glossy = any(m.is_glossy for m in scene.used_materials)
@@ -77,34 +73,18 @@ def radiance(
     sampled = (
         box_filter or emits or soft or scene.is_seen_through or any(isinstance(light, Environment) for light in lights)
     )
-    exact = most == 0 and not sampled
-    if exact:
-        passes = per_pass = 1
-    variant = mitsuba_scene.best_variant()
     description = {
         "kind": "radiance",
-        "scene": digests.scene_digest(scene),
-        "camera": digests.camera_description(camera),
-        "lights": [digests.light_description(light) for light in lights],
-        "paths of a pass": per_pass,
         "bounces": bounces,
         "box filter": box_filter,
-        "variant": variant,
-        "mitsuba": mitsuba_scene.mitsuba().__version__,
         "estimator": versioned(
             "blended radiance" if scene.is_seen_through else "glossy radiance" if glossy else "radiance"
         ),
         **({"lights' sizes": True} if soft else {}),
     }
-    made: list[RadianceTracer] = []  # only if something has to be computed
-
-    def make(number: int) -> NDArray[np.float32]:
-        with mitsuba_scene.within(variant):
-            if not made:
-                made.append(RadianceTracer(scene, lights, variant, bounces=most, box_filter=box_filter))
-            return made[0].image(camera, per_pass, number)
-
-    return accumulated(description, passes, make, exact=exact, rebuild=rebuild, progress=progress)
+    tracer = partial(RadianceTracer, bounces=most, box_filter=box_filter)
+    exact = most == 0 and not sampled
+    return traced(description, tracer, scene, camera, lights, paths, exact=exact, rebuild=rebuild, progress=progress)
 
 
 def _most_bounces(bounces: int | Literal["all"]) -> int:

@@ -35,8 +35,10 @@ BATCHES = 8
 it greater: at 256 rays in cornell_box and hall, 1, 2, 4, 8 and 16 sets have an RMSE in the ratio
 1 : 1.24 : 1.34 : 1.7 : 1.95."""
 
-_PIXELS = 8192  # of a block, the unit of work of a thread
-_RAYS = 1 << 18  # traced in one go; more of them leave the cache
+BLOCK_PIXELS = 8192
+"""Of a block, the unit of work of a thread."""
+BLOCK_RAYS = 1 << 18
+"""Traced in one go; more of them leave the cache."""
 _FIRST_LOOK = 4  # rays of each batch before the error is first compared with the target
 _GROWTH = 1.5  # of the number of rays from one such look to the next
 
@@ -84,21 +86,15 @@ class RayAo:
         rows, columns = camera.size
         visibility = np.ones((rows, columns), np.float32)
         error = np.zeros((rows, columns), np.float32)
-        height = max(1, _PIXELS // columns)
 
-        def work(first: int) -> int:
-            block = slice(first, min(first + height, rows))
+        def work(block: slice) -> None:
             spots = self._caster.spots(camera, block, gbuffer)
             if len(spots.pixel):
                 occluded, deviation = self.occlusion(spots, settings)
                 visibility.ravel()[spots.pixel] = np.clip(1.0 - occluded, 0.0, 1.0)
                 error.ravel()[spots.pixel] = deviation
-            return block.stop
 
-        with ThreadPoolExecutor(threads()) as pool:
-            for done in pool.map(work, range(0, rows, height)):
-                if progress is not None:
-                    progress(done / rows)
+        in_blocks((rows, columns), work, progress)
         return visibility, error
 
     def occlusion(self, spots: Spots, settings: Settings) -> tuple[Doubles, Doubles]:
@@ -106,7 +102,7 @@ class RayAo:
         count, batches = len(spots.pixel), settings.batches
         shift = _shifts(spots.pixel, batches, settings.seed)
         sums = np.zeros((batches, count))
-        step = max(1, _RAYS // (batches * count))
+        step = max(1, BLOCK_RAYS // (batches * count))
         start = np.tile(spots.start, (step * batches, 1))
         axes = basis(spots.axis)
         done = 0
@@ -228,6 +224,19 @@ def _mean_and_error(batches: Doubles) -> tuple[Doubles, Doubles]:
         return mean, np.full_like(mean, np.inf)
     deviation: Doubles = batches.std(axis=0, ddof=1) / math.sqrt(len(batches))
     return mean, deviation
+
+
+def in_blocks(
+    size: tuple[int, int], work: Callable[[slice], None], progress: Callable[[float], object] | None = None
+) -> None:
+    """Call `work` with blocks of the rows of an image of a size (rows, columns), in threads."""
+    rows, columns = size
+    height = max(1, BLOCK_PIXELS // columns)
+    blocks = [slice(first, min(first + height, rows)) for first in range(0, rows, height)]
+    with ThreadPoolExecutor(threads()) as pool:
+        for block, _ in zip(blocks, pool.map(work, blocks), strict=True):
+            if progress is not None:
+                progress(block.stop / rows)
 
 
 def threads() -> int:

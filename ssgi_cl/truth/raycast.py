@@ -15,6 +15,7 @@ from ssgi_cl.core.camera_rays import depths_in_sphere, visibility_rays
 from ssgi_cl.core.errors import MissingExtraError
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.scene import Scene
+from ssgi_cl.truth.metrics import inner_array
 
 Doubles = NDArray[np.float64]
 Floats = NDArray[np.float32]
@@ -30,7 +31,7 @@ SAME_SURFACE = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Spots:
-    """Where rays start.
+    """Starting points of rays.
 
     Attributes:
         pixel: [n] index into the flat image.
@@ -88,7 +89,7 @@ class RayCaster:
         if gbuffer is None:
             near, far, depth = depths_in_sphere(camera, start, along, self._middle, self._reach, self.scale)
         else:
-            depth = _first(gbuffer, "depth")[rows].ravel() * self.scale
+            depth = inner_array(gbuffer, "depth")[rows].ravel() * self.scale
             near, far = depth * (1.0 - SAME_SURFACE), depth * (1.0 + SAME_SURFACE)
         seen = (near < far) & np.isfinite(depth)
         start, along, pixel, length = start[seen], along[seen], pixel[seen], length[seen]
@@ -168,18 +169,11 @@ def check_gbuffer(gbuffer: object, camera: Camera) -> None:
         raise ValueError("gbuffer has another camera: expected the same view and projection")
 
 
-def _first(gbuffer: GBuffer, name: str) -> Floats:
-    array = gbuffer.first(name)
-    if array is None:
-        raise ValueError(f"gbuffer has no {name}")
-    return gbuffer.inner(array)
-
-
 def _inner_normal(gbuffer: GBuffer, rows: slice, shape: tuple[int, ...], seen: NDArray[np.bool_]) -> Doubles:
     """Return the G-buffer's normals of the pixels `seen` in some rows; 0 where it has none."""
     if gbuffer.normal is None:
         return np.zeros(shape)
-    return _first(gbuffer, "normal")[rows].reshape(-1, 3)[seen].astype(np.float64)
+    return inner_array(gbuffer, "normal")[rows].reshape(-1, 3)[seen].astype(np.float64)
 
 
 def embree_version() -> str:

@@ -142,7 +142,7 @@ def clear(folder: Path | None = None) -> int:
 
 @dataclass(frozen=True)
 class _Sums:
-    """What passes add up to (Welford 1962). Never changed, so that it is whole at any moment."""
+    """Running mean and deviations of passes (Welford 1962). Never changed, so that it is whole at any moment."""
 
     passes: int
     mean: Doubles

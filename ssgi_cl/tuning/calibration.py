@@ -1,4 +1,4 @@
-"""What a device can do at most, and the work beside which all else is timed."""
+"""Ceilings of a device, and the load beside which cases are timed."""
 
 from __future__ import annotations
 

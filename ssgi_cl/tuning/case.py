@@ -1,11 +1,11 @@
-"""What is measured: a case is a name, a subject is that case made ready to run."""
+"""Cases of the benchmark, by name, and subjects: cases made ready to run."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,27 +95,25 @@ class Subject:
     note: str = ""
     timed: bool = True
 
-
-class Family(Protocol):
-    """A module of `cases/` or `peers/`: one way to compute something, with many settings."""
-
-    @property
-    def SETTINGS(self) -> tuple[str, ...]:
-        """What is measured unless asked otherwise."""
-
-    def missing(self) -> str:
-        """Return why this can't run here, in one line that says how to mend it; "" if it can."""
-
-    def prepare(self, context: Context, setting: str) -> Subject:
-        """Make one setting ready; raise ValueError if there is no such setting."""
+    @classmethod
+    def of_image(cls, image: Callable[[], NDArray[np.float32]], **others: Any) -> Self:
+        """Return a subject whose runs return the image."""
+        return cls(run=image, image=image, **others)
 
 
-class Own:
-    """Base of this library's families."""
+@dataclass(frozen=True)
+class Family:
+    """One way to compute something, with many settings.
 
-    def missing(self) -> str:
-        """Return "": they run wherever OpenCL does."""
-        return ""
+    Attributes:
+        prepare: makes one setting ready, and raises ValueError if there is no such setting.
+        SETTINGS: what is measured unless asked otherwise.
+        missing: returns why it can't run here, in one line that says how to mend it; "" if it can.
+    """
+
+    prepare: Callable[[Context, str], Subject]
+    SETTINGS: tuple[str, ...]
+    missing: Callable[[], str] = lambda: ""
 
 
 def count_of(setting: str, meaning: str, low: int, high: int) -> int:
@@ -127,3 +125,15 @@ def count_of(setting: str, meaning: str, low: int, high: int) -> int:
     if not setting.isdecimal() or not low <= int(setting) <= high:
         raise ValueError(f"setting is {setting!r}: expected {meaning}, {low} to {high}")
     return int(setting)
+
+
+def counts_of(setting: str, pattern: re.Pattern[str], expected: str) -> list[str]:
+    """Return the groups of a setting that a pattern fits; "" for those that are left out.
+
+    Raises:
+        ValueError: it does not fit.
+    """
+    match = pattern.fullmatch(setting)
+    if match is None:
+        raise ValueError(f"setting is {setting!r}: expected {expected}")
+    return [group or "" for group in match.groups()]

@@ -18,7 +18,7 @@ from ssgi_cl.techniques.presets.choose import Choice, choice_for
 
 
 class _Asked(TypedDict, total=False):
-    """What is asked for, and of what pictures."""
+    """Keywords of the request, and of the pictures."""
 
     preset: str | None
     error: float | None

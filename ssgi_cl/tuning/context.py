@@ -1,4 +1,4 @@
-"""A scene at a size, with everything that several cases share: made when first asked for."""
+"""Scene at a size with everything that several cases share, made when first asked for."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Progress = Callable[[str, float], object]
 
 @dataclass(frozen=True)
 class TruthSettings:
-    """How good the truths are.
+    """Sample counts and options of the truths.
 
     Attributes:
         rays: per pixel, of ambient occlusion.
@@ -57,7 +57,6 @@ class Context:
         self.size = size
         self.truths = truths or TruthSettings()
         self.progress: Progress = lambda text, share: None
-        self._kept: dict[str, Truth] = {}
         self._shared: dict[str, Any] = {}
 
     @cached_property
@@ -100,88 +99,85 @@ class Context:
         """Where errors may sit; see `metrics.regions`."""
         return metrics.regions(self.host_gbuffer)
 
+    @cached_property
+    def surface_pixels(self) -> int:
+        """Pixels that show a surface."""
+        return int(np.count_nonzero(self.seen))
+
+    @property
+    def pixels(self) -> int:
+        """Pixels of the image."""
+        return self.size[0] * self.size[1]
+
     @property
     def punctual_lights(self) -> tuple[PunctualLight, ...]:
         """The view's lights but for environments, which no shadow map is made of."""
         return tuple(light for light in self.view.lights if not isinstance(light, Environment))
 
+    def some_lights(self) -> tuple[PunctualLight, ...]:
+        """Return `punctual_lights`; ValueError where there are none."""
+        if not self.punctual_lights:
+            raise ValueError(f"{self.view.name} has no light: expected at least one")
+        return self.punctual_lights
+
     def occlusion(self) -> Truth:
         """World truth of ambient occlusion within `radius`."""
         return self.truth(
             f"rays of {self.view.name}",
-            lambda progress: truth.ambient_occlusion(
-                self.view.scene,
-                self.camera,
-                self.radius,
-                self.truths.rays,
-                attenuation=self.truths.attenuation,
-                gbuffer=self.host_gbuffer,
-                rebuild=self.truths.rebuild,
-                progress=progress,
-            ),
+            truth.ambient_occlusion,
+            self.view.scene,
+            self.camera,
+            self.radius,
+            self.truths.rays,
+            attenuation=self.truths.attenuation,
+            gbuffer=self.host_gbuffer,
         )
 
     def bent_normals(self) -> Truth:
         """World truth of bent normals within `radius`."""
         return self.truth(
             f"bent normals of {self.view.name}",
-            lambda progress: truth.bent_normals(
-                self.view.scene,
-                self.host_gbuffer,
-                self.radius,
-                self.truths.rays,
-                rebuild=self.truths.rebuild,
-                progress=progress,
-            ),
+            truth.bent_normals,
+            self.view.scene,
+            self.host_gbuffer,
+            self.radius,
+            self.truths.rays,
         )
 
     def direct(self) -> Truth:
         """World truth of irradiance by direct light of the lights."""
-        return self.truth(
-            f"direct light of {self.view.name}",
-            lambda progress: truth.direct_light(
-                self.view.scene,
-                self.camera,
-                self.punctual_lights,
-                self.truths.paths,
-                rebuild=self.truths.rebuild,
-                progress=progress,
-            ),
-        )
+        return self._light("direct light of", truth.direct_light)
 
-    def bounce(self, *, visibility: bool = True) -> Truth:
+    def bounce(self) -> Truth:
         """World truth of irradiance by light of the lights that was reflected once."""
+        return self._light("one bounce of", truth.one_bounce)
+
+    def unblocked_bounce(self) -> Truth:
+        """As `bounce`, without indirect visibility: what light without shadow rays converges to."""
+        return self._light("one bounce, seen through walls, of", truth.one_bounce, visibility=False)
+
+    def _light(self, what: str, make: Callable[..., Truth], **options: Any) -> Truth:
         return self.truth(
-            f"one bounce of {self.view.name}{'' if visibility else ', seen through walls'}",
-            lambda progress: truth.one_bounce(
-                self.view.scene,
-                self.camera,
-                self.punctual_lights,
-                self.truths.paths,
-                visibility=visibility,
-                rebuild=self.truths.rebuild,
-                progress=progress,
-            ),
+            f"{what} {self.view.name}",
+            make,
+            self.view.scene,
+            self.camera,
+            self.punctual_lights,
+            self.truths.paths,
+            **options,
         )
 
     def radiance(self) -> Truth:
         """World truth of the radiance of a whole frame: all light, pixels as boxes."""
         return self.truth(
             f"radiance of {self.view.name}",
-            lambda progress: truth.radiance(
-                self.view.scene,
-                self.camera,
-                self.view.own_lights,
-                self.truths.paths,
-                box_filter=True,
-                rebuild=self.truths.rebuild,
-                progress=progress,
-            ),
+            truth.radiance,
+            self.view.scene,
+            self.camera,
+            self.view.own_lights,
+            self.truths.paths,
+            box_filter=True,
         )
-
-    def unblocked_bounce(self) -> Truth:
-        """As `bounce`, without indirect visibility: what light without shadow rays converges to."""
-        return self.bounce(visibility=False)
 
     def shared(self, title: str, make: Callable[[], T]) -> T:
         """Return what `make` returns, which is called once for each title: for several cases."""
@@ -190,11 +186,14 @@ class Context:
         found: T = self._shared[title]
         return found
 
-    def truth(self, title: str, make: Callable[[Callable[[float], object]], Truth]) -> Truth:
-        """Return what `make` returns, which is called once for each title."""
-        if title not in self._kept:
-            self._kept[title] = make(lambda share: self.progress(title, share))
-        return self._kept[title]
+    def truth(self, title: str, make: Callable[..., Truth], *arguments: Any, **options: Any) -> Truth:
+        """Return a truth, made once for each title; `make` also gets `rebuild` and `progress`."""
+        return self.shared(
+            title,
+            lambda: make(
+                *arguments, rebuild=self.truths.rebuild, progress=lambda share: self.progress(title, share), **options
+            ),
+        )
 
 
 def exact(image: NDArray[np.floating]) -> Truth:

@@ -45,7 +45,7 @@ class Spread:
 
 @dataclass(frozen=True)
 class Timing:
-    """What a subject takes.
+    """Times of a subject.
 
     Attributes:
         wall_ms: from the call until the work is finished: what is compared.

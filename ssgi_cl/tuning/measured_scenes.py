@@ -1,4 +1,4 @@
-"""The scenes that are measured: built-in ones by name, any other by its file."""
+"""Scenes by name, or by their file."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from ssgi_cl.core import checks
-from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.errors import SceneError
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.render import default_ao_radius
@@ -100,7 +99,7 @@ def _from_file(path: Path, runtime: Runtime, meshes: Path | None) -> BuiltinScen
         eye=_vector(camera.position),
         target=_vector(camera.position - camera.view[2, :3]),
         up=_vector(camera.view[1, :3]),
-        yfov=_vertical_fov(camera),
+        yfov=2.0 * math.atan(1.0 / float(camera.projection[1, 1])),
         lights=scene.lights or default_lights(scene, camera, runtime),
         ao_radius=radius or default_ao_radius(scene, camera, runtime),
     )
@@ -116,7 +115,3 @@ def _mesh(path: Path, fields: dict[str, Any]) -> str:
 def _vector(values: np.ndarray) -> tuple[float, float, float]:
     x, y, z = values.tolist()
     return x, y, z
-
-
-def _vertical_fov(camera: Camera) -> float:
-    return 2.0 * math.atan(1.0 / float(camera.projection[1, 1]))

@@ -1,4 +1,4 @@
-"""What tuning is bound by, and what comes of it."""
+"""Bound and outcome of tuning."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class TuneError(SsgiError, ValueError):
 
 
 class Bound:
-    """What is asked for: the order of trials, and when a trial's error need not be known."""
+    """The limit that is asked for: it orders trials, and tells when a trial's error need not be known."""
 
     def __init__(self, budget_ms: float | None, max_error: float | None) -> None:
         self.budget_ms = budget_ms

@@ -24,8 +24,7 @@ METRICS: dict[str, Callable[..., float]] = {
     "p99": metrics.p99,
     "flip": metrics.flip,
 }
-"""Errors that may be minimised. Of several views their geometric mean counts: a scene whose error
-is large whatever the parameters are says no more than any other."""
+"""Errors that may be minimised; of several views their geometric mean."""
 
 RUNS = 3
 """Repetitions of a first, rough time, at most."""
@@ -40,9 +39,14 @@ FEWEST_RUNS = 3
 REFERENCE_RUNS = 50
 
 
+def geometric_mean(errors: Sequence[float]) -> float:
+    """Return the geometric mean: a scene whose error is large anyway says no more than others."""
+    return math.prod(errors) ** (1.0 / len(errors))
+
+
 @dataclass(frozen=True)
 class Trial:
-    """What came of some parameters.
+    """Time and error of some parameters.
 
     Attributes:
         parameters: those that were varied.
@@ -148,8 +152,7 @@ class Trials:
         return self._errors(self.images(parameters, gbuffers))
 
     def _error(self, images: Sequence[NDArray[np.float32]]) -> float:
-        errors = self._errors(images)
-        return math.prod(errors) ** (1.0 / len(errors))
+        return geometric_mean(self._errors(images))
 
     def _errors(self, images: Sequence[NDArray[np.float32]]) -> list[float]:
         return [

@@ -1,4 +1,4 @@
-"""What may be tuned, and on which views: names and ranges as a caller gives them, checked."""
+"""Tunable parameters and views: names and ranges as a caller gives them, checked."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from ssgi_cl.core.params import Params
 from ssgi_cl.rasterize.scenes import REPORTED, TUNED_ON, VALIDATED_ON, BuiltinScene, make_scene
 from ssgi_cl.techniques.catalogue import TECHNIQUES
 from ssgi_cl.techniques.technique import Technique
+from ssgi_cl.truth.digests import scene_digest
 from ssgi_cl.tuning.search import Axis
 
 
@@ -88,3 +89,19 @@ def within(axis: Axis, value: Any) -> Any:
     if not axis.values and axis.low <= value <= axis.high:
         return value
     return axis.at(axis.place(value) if axis.values else float(value > axis.high))
+
+
+def described(views: Sequence[BuiltinScene], radius: float | None = None) -> list[dict[str, Any]]:
+    """Return name, digest, radius and views of each scene, as records have them.
+
+    Args:
+        views: of the scenes; those of one scene make one entry.
+        radius: in place of the scenes' own.
+    """
+    scenes: dict[int, dict[str, Any]] = {}
+    for view in views:
+        if id(view.scene) not in scenes:
+            own = view.ao_radius if radius is None else radius
+            scenes[id(view.scene)] = {"name": view.name, "digest": scene_digest(view.scene), "radius": own, "views": []}
+        scenes[id(view.scene)]["views"].append({"eye": list(view.eye), "target": list(view.target)})
+    return list(scenes.values())

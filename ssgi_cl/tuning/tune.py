@@ -15,14 +15,12 @@ from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.raster.view import MOST_LAYERS
 from ssgi_cl.rasterize.scenes import BuiltinScene
-from ssgi_cl.techniques.catalogue import TECHNIQUES
 from ssgi_cl.techniques.technique import Technique
-from ssgi_cl.truth.digests import scene_digest
 from ssgi_cl.tuning.context import Context, Progress, TruthSettings
 from ssgi_cl.tuning.outcome import Bound, TuneError, Tuning
 from ssgi_cl.tuning.search import Cost, narrow
 from ssgi_cl.tuning.trials import METRICS, Trial, Trials
-from ssgi_cl.tuning.tunables import axis_of, entry_of, views_of, within
+from ssgi_cl.tuning.tunables import axis_of, described, entry_of, views_of, within
 from ssgi_cl.version import __version__
 
 __all__ = ["Session", "TuneError", "Tuning", "tune"]
@@ -30,10 +28,10 @@ __all__ = ["Session", "TuneError", "Tuning", "tune"]
 SIZE = (300, 400)
 
 FINALISTS = 5
-"""How many of the best are timed carefully before one is chosen."""
+"""Number of the best that are timed carefully before one is chosen."""
 
 SLACK = 1.3
-"""How much over a time limit a point may be and still have its error found out: searching needs to
+"""Factor over a time limit up to which the error of a point is measured: searching needs to
 know what lies just beyond."""
 
 
@@ -185,7 +183,7 @@ class Session:
         Raises:
             ValueError: the technique refuses all that was tried.
         """
-        total = expected_trials(len(self._axes), rounds)
+        total = 64 + 40 * (rounds - 1) + 12 * len(self._axes)  # trials of a search, roughly
         before = len(self.trials.tried)
         refused: list[ValueError] = []
 
@@ -229,20 +227,8 @@ class Session:
 
     def setting(self) -> dict[str, Any]:
         """Return what all results depend on, as a `Tuning` has it."""
-        scenes: dict[int, dict[str, Any]] = {}
-        for view in self._views:
-            known = scenes.setdefault(
-                id(view.scene),
-                {
-                    "name": view.name,
-                    "digest": scene_digest(view.scene),
-                    "radius": self._fixed.get("radius", view.ao_radius),
-                    "views": [],
-                },
-            )
-            known["views"].append({"eye": list(view.eye), "target": list(view.target)})
         return {
-            "technique": next(name for name, entry in TECHNIQUES.items() if entry is self._entry),
+            "technique": self._entry.name,
             "date": datetime.now(UTC).isoformat(timespec="seconds"),
             "version": __version__,
             "device": self._runtime.info.label,
@@ -252,10 +238,5 @@ class Session:
             "overscan": self._overscan,
             "metric": self._metric,
             "truth": {"rays": self._truth.rays, "attenuation": self._truth.attenuation, "weighting": "cosine"},
-            "scenes": tuple(scenes.values()),
+            "scenes": tuple(described(self._views, self._fixed.get("radius"))),
         }
-
-
-def expected_trials(axes: int, rounds: int) -> int:
-    """Return about how many trials a search takes, for progress."""
-    return 64 + 40 * (rounds - 1) + 12 * axes

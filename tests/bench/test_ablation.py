@@ -1,4 +1,4 @@
-"""Which term of a frame its error comes from."""
+"""Terms of a frame that its error comes from."""
 
 from __future__ import annotations
 

@@ -11,14 +11,9 @@ from click.testing import CliRunner, Result
 
 from ssgi_cl.cli.command import main
 
+pytestmark = pytest.mark.usefixtures("own_store")
+
 QUICK = ["--scene", "cornell_box", "--size", "40x30", "--truth-rays", "4", "--truth-points", "4", "--truth-paths", "2"]
-
-
-@pytest.fixture(autouse=True)
-def own_store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    folder = tmp_path / "cache"
-    monkeypatch.setenv("SSGI_CL_CACHE", str(folder))
-    return folder
 
 
 def ssgi(*arguments: str, status: int = 0) -> Result:

@@ -1,4 +1,4 @@
-"""What counts as slower or worse."""
+"""Changes that count as slower or worse."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_equal_documents_do_not_fail() -> None:
 def test_a_greater_ratio_beyond_noise_fails() -> None:
     comparison = compared(entry(ratio=spread(1.0)), entry(ratio=spread(1.2)))
     assert comparison.failed
-    assert [(c.name, c.before, c.after) for c in comparison.slower] == [("ssao.16.hall.8x6", 1.0, 1.2)]
+    assert [(c.name, c.before, c.after) for c in comparison.of("slower")] == [("ssao.16.hall.8x6", 1.0, 1.2)]
     text = shown(comparison)
     assert "slower" in text
     assert "+20.0 %" in text
@@ -44,7 +44,7 @@ def test_a_greater_ratio_beyond_noise_fails() -> None:
 def test_a_lesser_ratio_is_told_and_does_not_fail() -> None:
     comparison = compared(entry(ratio=spread(1.2)), entry(ratio=spread(1.0)))
     assert not comparison.failed
-    assert len(comparison.faster) == 1
+    assert len(comparison.of("faster")) == 1
     assert "faster" in shown(comparison)
 
 
@@ -64,7 +64,7 @@ def test_overlapping_quartiles_are_noise(old: float, new: float) -> None:
 def test_times_in_ms_do_not_count() -> None:
     # A machine twice as slow: the reference is as well.
     old, new = entry(ms=1.0, ratio=spread(1.0)), entry(ms=2.0, ratio=spread(1.0))
-    assert not compared(old, new).slower
+    assert not compared(old, new).of("slower")
 
 
 def test_unsteady_changes_count_beyond_their_quartiles() -> None:
@@ -79,11 +79,11 @@ def test_unsteady_changes_count_beyond_their_quartiles() -> None:
 def test_a_greater_error_fails_and_a_lesser_does_not() -> None:
     worse = compared(entry(rmse=0.05), entry(rmse=0.052))
     assert worse.failed
-    assert [change.what for change in worse.worse] == ["RMSE, world"]
+    assert [change.what for change in worse.of("worse")] == ["RMSE, world"]
     better = compared(entry(rmse=0.052), entry(rmse=0.05))
     assert not better.failed
-    assert len(better.better) == 1
-    assert not compared(entry(rmse=0.05), entry(rmse=0.0504)).worse  # 0.8 %
+    assert len(better.of("better")) == 1
+    assert not compared(entry(rmse=0.05), entry(rmse=0.0504)).of("worse")  # 0.8 %
 
 
 def test_the_error_of_the_same_model_counts_as_well() -> None:
@@ -91,7 +91,7 @@ def test_the_error_of_the_same_model_counts_as_well() -> None:
         return entry(errors={"assumption": {"rmse": rmse, "truth_error": 0.0}})
 
     comparison = compared(with_assumption(0.0), with_assumption(0.01))
-    assert [change.what for change in comparison.worse] == ["RMSE, assumption"]
+    assert [change.what for change in comparison.of("worse")] == ["RMSE, assumption"]
     assert "from 0" in shown(comparison)
 
 
@@ -142,8 +142,8 @@ def test_truths_of_other_options_are_not_compared() -> None:
     after = whole(entry(rmse=0.5, ratio=spread(3.0)))
     after["options"] = {"truth_rays": 64, "attenuation": "none", "seconds": 9.0}
     comparison = compare(whole(entry(ratio=spread(1.0))), after)
-    assert not comparison.worse
-    assert comparison.slower  # times still are
+    assert not comparison.of("worse")
+    assert comparison.of("slower")  # times still are
     assert comparison.notes == ["errors are not compared, the truths differ: truth_rays 512 and 64"]
 
 

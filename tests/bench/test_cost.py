@@ -1,4 +1,4 @@
-"""What a pixel-sample costs, as numbers and as a table."""
+"""Cost of a pixel-sample, as numbers and as a table."""
 
 from __future__ import annotations
 

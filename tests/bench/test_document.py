@@ -37,22 +37,8 @@ def test_stamped_document_reads_back(tmp_path: Path, runtime: Runtime) -> None:
 
 def test_revision_is_that_of_the_checkout_and_tells_changes(tmp_path: Path) -> None:
     def git(*arguments: str) -> None:
-        subprocess.run(
-            [
-                "git",
-                "-C",
-                str(tmp_path),
-                "-c",
-                "user.name=n",
-                "-c",
-                "user.email=e@example.org",
-                "-c",
-                "commit.gpgsign=false",
-                *arguments,
-            ],
-            check=True,
-            capture_output=True,
-        )
+        who = ["-c", "user.name=n", "-c", "user.email=e@example.org", "-c", "commit.gpgsign=false"]
+        subprocess.run(["git", "-C", str(tmp_path), *who, *arguments], check=True, capture_output=True)
 
     module = tmp_path / "module.py"
     module.write_text("1\n")

@@ -1,4 +1,4 @@
-"""What a case needs beyond the base G-buffer is drawn in each run, and so is timed."""
+"""Inputs of a case beyond the base G-buffer are drawn in each run, and so are timed."""
 
 from __future__ import annotations
 

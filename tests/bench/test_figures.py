@@ -13,14 +13,13 @@ import pytest
 from click import ClickException
 from click.testing import CliRunner
 
-from ssgi_cl.bench import document, figure_tables, figure_text, figures, front, suite
+from ssgi_cl.bench import document, figure_tables, figure_text, figures, suite
 from ssgi_cl.bench.cases import FAMILIES
-from ssgi_cl.bench.verdict import verdict
+from ssgi_cl.bench.verdict import mark, verdict
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, cornell_box
 from ssgi_cl.tuning.case import Case
 
-from .documents import entry, spread, whole
-from .drawings import marked, path_points, texts
+from .documents import entry, marked, path_points, spread, texts, whole
 from .test_verdict import check
 
 ROOT = Path(__file__).parents[2]
@@ -78,7 +77,7 @@ def test_no_published_verdict_contradicts_a_row(name: str) -> None:
 def test_marks_of_the_recorded_front_are_those_of_its_rows(name: str) -> None:
     found = figure_text.recorded(ROOT, name)
     before = [(r["front"], r["near"]) for r in found["results"]]
-    front.mark(found["results"])
+    mark(found["results"])
     assert [(r["front"], r["near"]) for r in found["results"]] == before
 
 
@@ -92,7 +91,7 @@ def test_all_documents_are_of_one_revision_and_machine() -> None:
 
 def test_bias_of_visibility_is_measured_on_all_built_in_scenes_and_views() -> None:
     scenes = figures.PLANS["indirect"].cases
-    assert set(scenes) == {*BUILTIN_SCENES, *figures.VIEWS}
+    assert set(scenes) == {*BUILTIN_SCENES, *figures.MESH_VIEWS}
     for patterns in scenes.values():
         cases = suite.select(patterns, ["cornell_box"], [(8, 6)])
         names = {f"{case.family}.{case.setting}" for case in cases}
@@ -175,7 +174,7 @@ def test_every_case_that_is_shown_is_planned() -> None:
 
 
 def test_every_occlusion_table_has_its_peers_blurred_denoised_and_at_their_best() -> None:
-    for scene in ("cornell_box", "hall", *figures.VIEWS):
+    for scene in ("cornell_box", "hall", *figures.MESH_VIEWS):
         plan = figures.PLANS["benchmark"]
         cases = figures.chosen(plan, plan.size, {scene: cornell_box()})
         found = {f"{case.family}.{case.setting}" for case in cases}

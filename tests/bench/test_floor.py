@@ -9,25 +9,22 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from ssgi_cl.bench import front, suite, summary, table
+from ssgi_cl.bench import suite, summary, table
 from ssgi_cl.bench.cases import FAMILIES
 from ssgi_cl.bench.plot import looks, plot
+from ssgi_cl.bench.verdict import mark
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import cornell_box
 from ssgi_cl.tuning.case import Case
 from ssgi_cl.tuning.context import Context, TruthSettings
 
-from .documents import entry, whole
-from .drawings import marked, path_points, texts
+from .documents import entry, marked, path_points, texts, whole
+
+pytestmark = pytest.mark.usefixtures("own_store")
 
 pytest.importorskip("embreex", reason="embreex is not installed (extra 'truth')")
 
 FLOOR = {"timed": False, "device_ms": None}
-
-
-@pytest.fixture(autouse=True)
-def own_store(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("SSGI_CL_CACHE", str(tmp_path))
 
 
 def test_more_layers_have_a_lower_floor_and_no_time(runtime: Runtime) -> None:
@@ -54,7 +51,7 @@ def documented() -> list[dict[str, Any]]:
         entry("gtao.2x9.hall.8x6", 2.0, 0.08),
         entry("embree.16.hall.8x6", 9.0, 0.05),
     ]
-    front.mark(results)
+    mark(results)
     return results
 
 

@@ -1,8 +1,6 @@
-"""What far more samples would gain, as numbers and as a table."""
+"""Gain of far more samples, as numbers and as a table."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
@@ -12,10 +10,7 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import cornell_box
 from ssgi_cl.tuning.context import Context, TruthSettings
 
-
-@pytest.fixture(autouse=True)
-def own_store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("SSGI_CL_CACHE", str(tmp_path))
+pytestmark = pytest.mark.usefixtures("own_store")
 
 
 def test_more_samples_err_a_little_less(runtime: Runtime) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ssgi_cl.bench.cases import FAMILIES
-from ssgi_cl.bench.cases.vpl_lobes import GLOSS, polished
+from ssgi_cl.bench.drawn import GLOSS, polished
 from ssgi_cl.bench.verdict import verdict
 from ssgi_cl.bench.wording import rmse
 from ssgi_cl.device.runtime import Runtime

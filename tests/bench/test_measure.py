@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import time
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -123,17 +124,26 @@ def test_passes_of_one_name_add_up_and_skipped_ones_keep_their_reason(runtime: R
     assert timing.passes["calibrate_gather"] == pytest.approx(timing.device_ms.median, rel=1e-6)
 
 
+def clocked(monkeypatch: pytest.MonkeyPatch, took: Callable[[Subject], float]) -> list[str]:
+    """Have a function tell the milliseconds of each run; return the notes of those that ran, but for references."""
+    ran: list[str] = []
+
+    def once(self: Stopwatch, subject: Subject, repeats: int = 1) -> tuple[float, float, dict[str, float], object]:
+        if not subject.on_device:
+            ran.append(subject.note)
+        ms = took(subject)
+        return ms, ms, {}, {}
+
+    monkeypatch.setattr(Stopwatch, "_once", once)
+    return ran
+
+
 def test_what_drifts_is_measured_again_and_then_called_unsteady(
     runtime: Runtime, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     growing = itertools.count(1.0)
-
-    def once(self: Stopwatch, subject: Subject, repeats: int = 1) -> tuple[float, float, dict[str, float], object]:
-        # The reference takes 1 ms each time, the subject a millisecond more from run to run.
-        took = 1.0 if subject.on_device else next(growing)
-        return took, took, {}, {}
-
-    monkeypatch.setattr(Stopwatch, "_once", once)
+    # The reference takes 1 ms each time, the subject a millisecond more from run to run.
+    clocked(monkeypatch, lambda subject: 1.0 if subject.on_device else next(growing))
     timing = Stopwatch(runtime, runs=4).time(Subject(run=lambda: None, on_device=False))
     # Third try: runs 11 to 14, so that the halves' medians are 11.5 and 13.5.
     assert timing.unsteady == "its two halves differ by 17 % in the ratio to the reference"
@@ -143,15 +153,7 @@ def test_what_drifts_is_measured_again_and_then_called_unsteady(
 def test_the_second_half_of_the_runs_takes_what_is_made_anew(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
     first = Subject(run=lambda: None, on_device=False, note="first")
     second = Subject(run=lambda: None, on_device=False, note="second")
-    ran = []
-
-    def once(self: Stopwatch, subject: Subject, repeats: int = 1) -> tuple[float, float, dict[str, float], object]:
-        if not subject.on_device:
-            ran.append(subject.note)
-        took = 2.0 if subject.note == "second" else 1.0
-        return took, took, {}, {}
-
-    monkeypatch.setattr(Stopwatch, "_once", once)
+    ran = clocked(monkeypatch, lambda subject: 2.0 if subject.note == "second" else 1.0)
     timing = Stopwatch(runtime, runs=6).time(first, lambda: second)
     warm_up = measure.WARM_UP
     once_through = ["second"] * warm_up + ["first"] * 3 + ["second"] * 3
@@ -162,15 +164,7 @@ def test_the_second_half_of_the_runs_takes_what_is_made_anew(runtime: Runtime, m
 def test_a_subject_of_seconds_is_run_once_and_then_measured_four_times(
     runtime: Runtime, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    ran = []
-
-    def once(self: Stopwatch, subject: Subject, repeats: int = 1) -> tuple[float, float, dict[str, float], object]:
-        if not subject.on_device:
-            ran.append(subject.note)
-        took = 1.0 if subject.on_device else 2000.0
-        return took, took, {}, {}
-
-    monkeypatch.setattr(Stopwatch, "_once", once)
+    ran = clocked(monkeypatch, lambda subject: 1.0 if subject.on_device else 2000.0)
     subject = Subject(run=lambda: None, on_device=False, note="first")
     timing = Stopwatch(runtime).time(subject, lambda: Subject(run=lambda: None, note="second"))
     assert ran == ["first"] * (1 + measure.LONG_RUNS)

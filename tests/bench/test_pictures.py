@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ssgi_cl.bench import pictures
+from ssgi_cl.bench import summary as pictures
 
 
 def test_error_map_tells_dark_from_bright_and_greys_what_is_not_seen() -> None:

@@ -10,8 +10,7 @@ import pytest
 from ssgi_cl.bench import plot
 from ssgi_cl.core.errors import MissingExtraError
 
-from .documents import entry
-from .drawings import marked, path_points, texts
+from .documents import entry, marked, path_points, texts
 
 pytest.importorskip("matplotlib", reason="matplotlib is not installed (extra 'plots')")
 

@@ -1,4 +1,4 @@
-"""How presets are chosen: steps of rising time and falling errors, on made-up times and errors."""
+"""Choice of presets: steps of rising time and falling errors, on made-up times and errors."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ssgi_cl.bench.presets import (
     record_presets,
     without_noise,
 )
-from ssgi_cl.bench.scene_sets import SETS, SceneSets, geometric_mean
+from ssgi_cl.bench.scene_sets import SETS, SceneSets
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.parts import assemble
 from ssgi_cl.rasterize.scenes import BuiltinScene
@@ -32,6 +32,7 @@ from ssgi_cl.techniques.presets import NAMES
 from ssgi_cl.techniques.presets.speed_model import SpeedModel
 from ssgi_cl.tuning import trials as bench_trials
 from ssgi_cl.tuning.outcome import TuneError
+from ssgi_cl.tuning.trials import geometric_mean
 
 
 def step(name: str, ms: float, tuning: float, validation: float, blur: int = 2, resolution: str = "full") -> Step:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from ssgi_cl.bench import suite
 from ssgi_cl.bench.cases import FAMILIES
-from ssgi_cl.bench.cases.ssao import ssao_subject
+from ssgi_cl.bench.cases.ao import ssao_subject
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import cornell_box
 from ssgi_cl.reference.ao.gtao import gtao_reference
@@ -18,12 +16,9 @@ from ssgi_cl.techniques.ao.ssao import SsaoParams
 from ssgi_cl.tuning.case import Case
 from ssgi_cl.tuning.context import Context, TruthSettings
 
+pytestmark = pytest.mark.usefixtures("own_store")
+
 SMALL = (45, 60)
-
-
-@pytest.fixture(autouse=True)
-def own_store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("SSGI_CL_CACHE", str(tmp_path))
 
 
 def measured(runtime: Runtime, *names: str) -> suite.Measurements:

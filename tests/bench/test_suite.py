@@ -3,27 +3,35 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from ssgi_cl.bench import document, front, suite
+from ssgi_cl.bench import document, suite
 from ssgi_cl.bench.cases import FAMILIES, OWN
+from ssgi_cl.bench.verdict import mark
 from ssgi_cl.core import lights
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.rasterize.scenes import cornell_box
-from ssgi_cl.tuning.case import Case, Subject
+from ssgi_cl.rasterize.scenes import BuiltinScene, cornell_box
+from ssgi_cl.tuning.case import Case, Family, Subject
 from ssgi_cl.tuning.context import Context, TruthSettings
+
+pytestmark = pytest.mark.usefixtures("own_store")
 
 SMALL = (30, 40)
 QUICK = TruthSettings(rays=4, paths=2, points=4)
 
 
-@pytest.fixture(autouse=True)
-def own_store(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("SSGI_CL_CACHE", str(tmp_path))
+def measured(
+    runtime: Runtime, *patterns: str, view: BuiltinScene | None = None, families: Mapping[str, Family] = OWN
+) -> suite.Measurements:
+    """Return what the benchmark finds of cases in the Cornell box, or in another scene by its name."""
+    cases = suite.select(patterns, ["cornell_box"], [SMALL], families)
+    views = {"cornell_box": view or cornell_box()}
+    return suite.measure(cases, views, runtime, truths=QUICK, runs=4, families=families)
 
 
 def test_without_patterns_every_setting_on_every_scene_and_size_is_chosen() -> None:
@@ -71,16 +79,15 @@ def test_every_technique_that_the_command_line_applies_has_a_case() -> None:
 
 @pytest.mark.slow  # compiles and runs everything, with truths
 def test_every_usual_case_of_ours_can_be_measured(runtime: Runtime) -> None:
-    cases = suite.select([], ["cornell_box"], [SMALL], OWN)
-    found = suite.measure(cases, {"cornell_box": cornell_box()}, runtime, truths=QUICK, runs=4, families=OWN)
+    found = measured(runtime)
     assert found.skipped == []
+    cases = suite.select([], ["cornell_box"], [SMALL], OWN)
     assert [result["name"] for result in found.results] == [case.name for case in cases]
 
 
 def test_measured_cases_make_a_document_that_can_be_read_again(runtime: Runtime, tmp_path: Any) -> None:
-    cases = suite.select(["ssao.4", "blur.2", "gbuffer.1"], ["cornell_box"], [SMALL], OWN)
-    found = suite.measure(cases, {"cornell_box": cornell_box()}, runtime, truths=QUICK, runs=4)
-    front.mark(found.results)
+    found = measured(runtime, "ssao.4", "blur.2", "gbuffer.1")
+    mark(found.results)
     written = {**document.stamp(runtime), **suite.entries(found, QUICK, 1.0)}
     document.write(tmp_path / "found.json", written)
     again = document.read(tmp_path / "found.json")
@@ -98,43 +105,34 @@ def test_measured_cases_make_a_document_that_can_be_read_again(runtime: Runtime,
     assert ssao["samples_g_s"] < 3.0 * again["calibration"]["gathers_g_s"]
 
 
-class Broken:
-    """A family whose cases fail to prepare, or to run."""
+def broken(context: Context, setting: str) -> Subject:
+    """Fail to prepare, or to run."""
+    if setting == "now":
+        raise ValueError("setting is 'now':\n expected another")
 
-    SETTINGS = ("now", "later")
+    def run() -> None:
+        raise ValueError("not today")
 
-    def missing(self) -> str:
-        return ""
-
-    def prepare(self, context: Context, setting: str) -> Subject:
-        if setting == "now":
-            raise ValueError("setting is 'now':\n expected another")
-
-        def run() -> None:
-            raise ValueError("not today")
-
-        return Subject(run=run)
-
-
-class Absent(Broken):
-    def missing(self) -> str:
-        return "absent is not installed: pip install 'ssgi-cl[peers]'"
+    return Subject(run=run)
 
 
 def test_what_cannot_run_is_listed_with_the_reason_and_the_rest_goes_on(runtime: Runtime) -> None:
-    families = {"broken": Broken(), "absent": Absent(), "gbuffer": OWN["gbuffer"]}
-    cases = suite.select([], ["cornell_box"], [SMALL], families)
-    found = suite.measure(cases, {"cornell_box": cornell_box()}, runtime, truths=QUICK, runs=4, families=families)
+    why = "absent is not installed: pip install 'ssgi-cl[peers]'"
+    families = {
+        "broken": Family(broken, ("now", "later")),
+        "absent": Family(broken, ("now", "later"), missing=lambda: why),
+        "gbuffer": OWN["gbuffer"],
+    }
+    found = measured(runtime, families=families)
     reasons = {entry["name"].split(".")[0:2][0]: entry["reason"] for entry in found.skipped}
-    assert reasons == {"broken": "not today", "absent": "absent is not installed: pip install 'ssgi-cl[peers]'"}
+    assert reasons == {"broken": "not today", "absent": why}
     assert "setting is 'now': expected another" in [entry["reason"] for entry in found.skipped]
     assert [result["family"] for result in found.results] == ["gbuffer", "gbuffer"]
 
 
 def test_a_scene_without_lights_skips_what_needs_them_and_says_so(runtime: Runtime) -> None:
     dark = replace(cornell_box(), lights=(lights.Environment(1.0),))
-    cases = suite.select(["direct.512", "rsm.512", "ssao.4"], ["cornell_box"], [SMALL], OWN)
-    found = suite.measure(cases, {"cornell_box": dark}, runtime, truths=QUICK, runs=4)
+    found = measured(runtime, "direct.512", "rsm.512", "ssao.4", view=dark)
     assert {entry["name"]: entry["reason"] for entry in found.skipped} == {
         name: "cornell_box has no light: expected at least one"
         for name in ("direct.512.cornell_box.40x30", "rsm.512.cornell_box.40x30")
@@ -146,8 +144,7 @@ def test_without_the_package_that_a_truth_needs_times_are_kept_and_the_extra_is_
     runtime: Runtime, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "embreex", None)
-    cases = suite.select(["ssao.4"], ["cornell_box"], [SMALL], OWN)
-    found = suite.measure(cases, {"cornell_box": cornell_box()}, runtime, truths=QUICK, runs=4)
+    found = measured(runtime, "ssao.4")
     assert [entry["name"] for entry in found.skipped] == ["world truth of ssao.4.cornell_box.40x30"]
     assert "pip install 'ssgi-cl[truth]'" in found.skipped[0]["reason"]
     assert set(found.results[0]["errors"]) == {"assumption"}
@@ -155,8 +152,7 @@ def test_without_the_package_that_a_truth_needs_times_are_kept_and_the_extra_is_
 
 def test_an_image_that_shows_nothing_is_timed_without_errors(runtime: Runtime) -> None:
     away = replace(cornell_box(), eye=(0.0, 0.0, -5.0), target=(0.0, 0.0, -9.0))
-    cases = suite.select(["ssao.4"], ["cornell_box"], [SMALL], OWN)
-    found = suite.measure(cases, {"cornell_box": away}, runtime, truths=QUICK, runs=4)
+    found = measured(runtime, "ssao.4", view=away)
     assert found.skipped == []
     assert found.results[0]["errors"] == {}
 

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from ssgi_cl.bench import front, summary
+from ssgi_cl.bench import summary
 from ssgi_cl.bench.suite import Pictures
+from ssgi_cl.bench.verdict import mark
 
-from .documents import entry, whole
-from .drawings import texts
+from .documents import entry, texts, whole
 
 pytest.importorskip("matplotlib", reason="matplotlib is not installed (extra 'plots')")
 
@@ -25,7 +25,7 @@ def test_every_case_has_a_row_and_every_group_with_errors_a_plot_that_is_linked(
         entry("embree.16.hall.8x6", 9.0, 0.05),
         entry("gbuffer.1.hall.8x6", 3.0, None, quantity="", errors={}),
     ]
-    front.mark(results)
+    mark(results)
     files = summary.write(tmp_path / "page.md", whole(*results), {})
     assert [file.name for file in files] == ["page.md", "page-occlusion-hall-8x6.svg"]
     text = files[0].read_text(encoding="utf-8")
@@ -51,7 +51,7 @@ def test_the_best_of_ours_on_the_front_is_shown_beside_truth_and_error(tmp_path:
         entry("ssao.64.hall.8x6", 3.0, 0.3),
         entry("embree.16.hall.8x6", 9.0, 0.05),
     ]
-    front.mark(results)
+    mark(results)
     half = np.full((6, 8), 0.5, np.float32)
     images = {
         result["name"]: Pictures(half + shift, half, None, np.ones((6, 8), np.bool_))
@@ -70,7 +70,7 @@ def test_the_best_of_ours_on_the_front_is_shown_beside_truth_and_error(tmp_path:
 
 def test_wide_pictures_are_made_smaller_and_keep_their_shape(tmp_path: Path) -> None:
     results = [entry("ssao.4.hall.800x60", 1.0, 0.2)]
-    front.mark(results)
+    mark(results)
     half = np.full((60, 800), 0.5, np.float32)
     images = {results[0]["name"]: Pictures(half, half, None, np.ones((60, 800), np.bool_))}
     strip = summary.write(tmp_path / "page.md", whole(*results), images)[-1]

@@ -36,22 +36,8 @@ def test_table_shows_time_rate_error_and_marks() -> None:
     lines = shown(FULL)
     text = "\n".join(lines)
     assert "ceilings: memory 31.0 GB/s, scattered reads 4.00 G/s" in text
-    assert line_of(lines, "ssao.16").split() == [
-        "*",
-        "ssao.16",
-        "6.00~",
-        "5.88..6.12",
-        "4.80",
-        "3.00",
-        "2.00",
-        "3.10",
-        "50",
-        "%",
-        "reads",
-        "0.0821",
-        "-0.0100",
-        "0.0100",
-    ]
+    figures = "* ssao.16 6.00~ 5.88..6.12 4.80 3.00 2.00 3.10 50 % reads 0.0821 -0.0100 0.0100"
+    assert line_of(lines, "ssao.16").split() == figures.split()
     # Nothing by the device's clock, and no share of its ceilings.
     assert line_of(lines, "embree-blur.16").split()[:2] == ["embree-blur.16", "1234"]
     assert "%" not in line_of(lines, "embree-blur.16")

@@ -93,11 +93,6 @@ def formulas(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "Trials", Formulas)
 
 
-@pytest.fixture
-def cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setenv("SSGI_CL_CACHE", str(tmp_path / "cache"))
-
-
 def tuned(runtime: Runtime, **options: Any) -> Tuning:
     return gi.tune("ssao", parameters=VARIED, scenes=[little_scene()], runtime=runtime, **options)
 
@@ -231,7 +226,7 @@ def test_tuning_that_cannot_be_saved_leaves_nothing(runtime: Runtime, tmp_path: 
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.usefixtures("cache")
+@pytest.mark.usefixtures("own_store")
 def test_layers_and_overscan_reach_the_technique(runtime: Runtime) -> None:
     pytest.importorskip("embreex")
     scene = little_scene()
@@ -243,7 +238,7 @@ def test_layers_and_overscan_reach_the_technique(runtime: Runtime) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("cache")
+@pytest.mark.usefixtures("own_store")
 def test_ssao_on_a_small_scene_is_tuned_to_less_error_than_its_worst(runtime: Runtime) -> None:
     pytest.importorskip("embreex")
     tuning = gi.tune(
@@ -265,7 +260,7 @@ def test_ssao_on_a_small_scene_is_tuned_to_less_error_than_its_worst(runtime: Ru
     assert tuning.best.contrast == tuning.parameters["contrast"]
 
 
-@pytest.mark.usefixtures("cache")
+@pytest.mark.usefixtures("own_store")
 def test_error_is_the_geometric_mean_over_the_views(runtime: Runtime) -> None:
     pytest.importorskip("embreex")
     scene = little_scene()
@@ -282,7 +277,7 @@ def test_error_is_the_geometric_mean_over_the_views(runtime: Runtime) -> None:
     assert trial.error == pytest.approx(math.exp(np.mean(np.log(errors))), rel=2e-3)
 
 
-@pytest.mark.usefixtures("cache")
+@pytest.mark.usefixtures("own_store")
 def test_radius_is_the_views_unless_it_is_fixed(runtime: Runtime) -> None:
     pytest.importorskip("embreex")
     scene = [little_scene()]

@@ -9,9 +9,8 @@ import pytest
 
 from ssgi_cl.bench import suite
 from ssgi_cl.bench.cases import FAMILIES
-from ssgi_cl.bench.cases.whole_frame import MODES
-from ssgi_cl.bench.peers import mitsuba_frame
-from ssgi_cl.bench.views import STEPS, moving_cameras
+from ssgi_cl.bench.cases.frame import MODES
+from ssgi_cl.bench.drawn import STEPS, moving_cameras
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, BuiltinScene
 from ssgi_cl.truth import store
@@ -57,7 +56,7 @@ def test_frames_and_peers_are_cases_with_time_and_error(runtime: Runtime) -> Non
     assert flips["frame.default"] < flips["frame.multires"] < flips["frame.direct"]
     assert flips["frame-first.default"] == flips["frame.default"]
     assert all(pictures.result.shape == (*SIZE, 3) for pictures in found.pictures.values())
-    if mitsuba_frame.missing():
+    if FAMILIES["mitsuba-frame"].missing():
         assert {entry["name"].split(".")[0] for entry in found.skipped} == {"mitsuba-frame"}
     else:
         assert flips["mitsuba-frame.16"] < flips["mitsuba-frame.1"]
@@ -115,7 +114,7 @@ def test_cameras_go_aside_in_equal_steps_and_start_again(context: Context) -> No
 
 
 def test_an_unknown_frame_is_refused(context: Context) -> None:
-    with pytest.raises(ValueError, match="setting is 'best': expected one of default, low"):
+    with pytest.raises(ValueError, match="setting is 'best': expected one of 'default', 'low"):
         FAMILIES["frame"].prepare(context, "best")
 
 

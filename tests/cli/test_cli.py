@@ -9,7 +9,9 @@ import resource
 import signal
 import subprocess
 import sys
+import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -73,6 +75,18 @@ def answer(*arguments: object) -> Any:
     result = succeeds(*arguments, "--json")
     assert result.stderr == ""
     return json.loads(result.stdout)
+
+
+def process(*arguments: object, **options: Any) -> subprocess.CompletedProcess[str]:
+    """The finished process of a command."""
+    return subprocess.run(
+        [*COMMAND, *map(os.fspath, arguments)],  # type: ignore[call-overload]
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+        **options,
+    )
 
 
 def fails(folder: Path, *arguments: object) -> str:
@@ -148,21 +162,8 @@ def test_radiance_in_the_file_is_linear(tmp_path: Path) -> None:
 
 
 def test_render_adds_indirect_light_and_writes_it(tmp_path: Path) -> None:
-    facts = answer(
-        "render",
-        "cornell_box",
-        *SMALL,
-        "--shadow-size",
-        128,
-        "--indirect",
-        "vpl",
-        "--vpls",
-        200,
-        "--layers",
-        2,
-        "-o",
-        tmp_path / "a.exr",
-    )
+    options = ["--shadow-size", "128", "--indirect", "vpl", "--vpls", "200", "--layers", "2"]
+    facts = answer("render", "cornell_box", *SMALL, *options, "-o", tmp_path / "a.exr")
     assert {"occupancy_voxelize", "vpl_interleaved"} <= {p["name"] for p in facts["passes"]}
     channels = exr.read(tmp_path / "a.exr")
     assert all(channels[f"indirect.{c}"].mean() > 0.0 for c in "RGB")
@@ -225,25 +226,8 @@ def test_suffixes_may_be_upper_case(corner: Path, tmp_path: Path) -> None:
 
 
 def test_eye_and_target_place_the_camera(corner: Path, tmp_path: Path) -> None:
-    succeeds(
-        "render",
-        corner,
-        "--width",
-        33,
-        "--height",
-        33,
-        "--eye",
-        0.2,
-        1,
-        4,
-        "--target",
-        0.2,
-        1,
-        -1,
-        *DIRECT,
-        "-o",
-        tmp_path / "a.exr",
-    )
+    options = ["--width", "33", "--height", "33", "--eye", "0.2", "1", "4", "--target", "0.2", "1", "-1"]
+    succeeds("render", corner, *options, *DIRECT, "-o", tmp_path / "a.exr")
     depth = exr.read(tmp_path / "a.exr")["Z"]
     # The wall z = -1, 5 units straight ahead; float32 roundings of depth.
     np.testing.assert_allclose(depth[16, 16], 5.0, rtol=1e-5)
@@ -251,28 +235,9 @@ def test_eye_and_target_place_the_camera(corner: Path, tmp_path: Path) -> None:
 
 def test_fov_is_vertical_and_in_degrees(corner: Path, tmp_path: Path) -> None:
     # From z = 1, the wall of height 2 at z = -1 just fills 53.13 degrees.
+    options = ["--width", "20", "--height", "200", "--eye", "0", "1", "1", "--target", "0", "1", "-1"]
     for name, fov in (("less", 52.0), ("more", 55.0)):
-        succeeds(
-            "render",
-            corner,
-            "--width",
-            20,
-            "--height",
-            200,
-            "--fov",
-            fov,
-            "--eye",
-            0,
-            1,
-            1,
-            "--target",
-            0,
-            1,
-            -1,
-            *DIRECT,
-            "-o",
-            tmp_path / f"{name}.exr",
-        )
+        succeeds("render", corner, *options, "--fov", fov, *DIRECT, "-o", tmp_path / f"{name}.exr")
     less, more = (exr.read(tmp_path / f"{name}.exr")["Z"] for name in ("less", "more"))
     assert np.isfinite(less[0]).all()
     assert not np.isfinite(more[0]).any()
@@ -549,20 +514,8 @@ def test_no_device_is_an_error_that_says_what_to_install(monkeypatch: pytest.Mon
     ("arguments", "words"),
     [
         ((), ("render", "apply", "devices")),
-        (
-            ("render",),
-            (
-                "Pixels",
-                "degrees",
-                "cene units",
-                "W m^-2 sr^-1",
-                "horizontal",
-                "world space",
-                "Texels",
-                "milliseconds",
-                "cornell_box",
-            ),
-        ),
+        (("render",), ("Pixels", "degrees", "cene units", "W m^-2 sr^-1", "horizontal", "world space")),
+        (("render",), ("Texels", "milliseconds", "cornell_box")),
         (("apply",), ("degrees", "scene units", "in pixels", "+z towards the viewer", "--set")),
         (("devices",), ("--json",)),
     ],
@@ -716,52 +669,40 @@ def test_apply_writes_exr_only(depth_file: Path, tmp_path: Path) -> None:
     assert "expected a name that ends in .exr" in message
 
 
-def test_a_file_without_depth_is_refused_with_its_channels(tmp_path: Path) -> None:
-    exr.write(tmp_path / "in.exr", {"image": np.ones((4, 5, 3), np.float32)})
-    message = fails(tmp_path, "apply", "ssao", tmp_path / "in.exr", "-o", tmp_path / "ao.exr")
-    assert "has no depth channel; it has B, G, R" in message
+def written(**channels: Any) -> bytes:
+    """The bytes of an OpenEXR file."""
+    with tempfile.TemporaryDirectory() as folder:
+        exr.write(Path(folder) / "a.exr", channels)
+        return (Path(folder) / "a.exr").read_bytes()
 
 
-def test_depth_that_is_not_a_number_is_refused_with_its_place(tmp_path: Path) -> None:
-    depth = np.ones((4, 5), np.float32)
-    depth[1, 2] = np.nan
-    exr.write(tmp_path / "in.exr", {"depth": depth})
-    message = fails(tmp_path, "apply", "ssao", tmp_path / "in.exr", "-o", tmp_path / "ao.exr")
-    assert "depth[1, 2] is nan" in message
+HOLE = np.where(np.arange(20).reshape(4, 5) == 7, np.nan, 1.0).astype(np.float32)
+WHOLE = written(depth=np.random.default_rng(3).uniform(2.0, 2.4, SHAPE).astype(np.float32))
 
 
-@pytest.mark.parametrize("content", [b"", b"junk", b"\x76\x2f\x31\x01" + b"\0" * 50])
-def test_what_is_not_an_exr_file_is_refused(tmp_path: Path, content: bytes) -> None:
-    (tmp_path / "in.exr").write_bytes(content)
-    message = fails(tmp_path, "apply", "ssao", tmp_path / "in.exr", "-o", tmp_path / "ao.exr")
-    assert "in.exr" in message
-
-
-def test_an_exr_file_that_was_cut_short_is_refused(depth_file: Path, tmp_path: Path) -> None:
-    whole = depth_file.read_bytes()
-    depth_file.write_bytes(whole[: len(whole) * 2 // 3])
-    message = fails(tmp_path, "apply", "ssao", depth_file, "-o", tmp_path / "ao.exr")
-    assert "damaged or cut short" in message
-
-
-def test_an_exr_file_that_is_missing_is_named(tmp_path: Path) -> None:
-    path = tmp_path / "nothing.exr"
-    message = fails(tmp_path, "apply", "ssao", path, "-o", tmp_path / "ao.exr")
-    assert message == f"{path}: No such file or directory"
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (written(image=np.ones((4, 5, 3), np.float32)), "has no depth channel; it has B, G, R"),
+        (written(depth=HOLE), "depth[1, 2] is nan"),
+        (b"", "in.exr"),
+        (b"junk", "in.exr"),
+        (b"\x76\x2f\x31\x01" + b"\0" * 50, "in.exr"),
+        (WHOLE[: len(WHOLE) * 2 // 3], "damaged or cut short"),
+        (None, "in.exr: No such file or directory"),
+    ],
+)
+def test_a_file_that_is_no_gbuffer_is_refused(tmp_path: Path, content: bytes | None, message: str) -> None:
+    if content is not None:
+        (tmp_path / "in.exr").write_bytes(content)
+    assert message in fails(tmp_path, "apply", "ssao", tmp_path / "in.exr", "-o", tmp_path / "ao.exr")
 
 
 # ---- as a process
 
 
 def test_the_command_runs_as_a_process_with_json_alone_on_standard_output(tmp_path: Path) -> None:
-    done = subprocess.run(
-        [*COMMAND, "render", "cornell_box", *SMALL, "--json", "-o", "a.png"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
+    done = process("render", "cornell_box", *SMALL, "--json", "-o", "a.png", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
     assert json.loads(done.stdout)["files"] == ["a.png"]
@@ -769,14 +710,7 @@ def test_the_command_runs_as_a_process_with_json_alone_on_standard_output(tmp_pa
 
 
 def test_a_failing_process_says_so_on_standard_error_alone(tmp_path: Path) -> None:
-    done = subprocess.run(
-        [*COMMAND, "render", "nothing.obj", "--json", "-o", "a.png"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
+    done = process("render", "nothing.obj", "--json", "-o", "a.png", cwd=tmp_path)
     assert done.returncode == 1
     assert done.stdout == ""
     assert done.stderr == "Error: nothing.obj: there is no such file\n"
@@ -920,7 +854,8 @@ def test_a_driver_that_fails_is_told_in_a_line(
 
 
 def test_a_bench_that_measures_nothing_fails(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(type(FAMILIES["ssao"]), "missing", lambda _: "it is not installed")
+    absent = replace(FAMILIES["ssao"], missing=lambda: "it is not installed")
+    monkeypatch.setitem(FAMILIES, "ssao", absent)  # type: ignore[arg-type]
     result = ssgi("bench", "ssao.16.cornell_box", "--size", "64x48", "--seconds", 0.01)
     assert result.exit_code == 1
     assert "Error: nothing was measured: it is not installed" in result.stderr
@@ -955,14 +890,8 @@ def test_an_import_that_is_interrupted_ends_without_a_traceback(
 
 @pytest.mark.slow
 def test_small_work_groups_are_refused_with_the_variable(depth_file: Path, tmp_path: Path) -> None:
-    done = subprocess.run(
-        [*COMMAND, "apply", "gtao", depth_file, "--device", "pocl", "-o", tmp_path / "a.exr"],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-        env={**os.environ, "POCL_MAX_WORK_GROUP_SIZE": "8"},
-    )
+    small = {**os.environ, "POCL_MAX_WORK_GROUP_SIZE": "8"}
+    done = process("apply", "gtao", depth_file, "--device", "pocl", "-o", tmp_path / "a.exr", env=small)
     assert done.returncode == 1
     assert "work-groups of at most 8 work-items: expected 64 or more" in done.stderr
     assert "POCL_MAX_WORK_GROUP_SIZE" in done.stderr

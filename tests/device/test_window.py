@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssgi_cl.bench.skip_scenes import lone_object
+from ssgi_cl.bench.skips import lone_object
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import Environment, Light
 from ssgi_cl.device.active_region import PreviousRegion, Region, copy_region

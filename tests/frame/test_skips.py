@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from ssgi_cl.bench.skip_scenes import SKIP_SCENES
+from ssgi_cl.bench.skips import SKIP_SCENES
 from ssgi_cl.cli.command import main
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import Environment, Light, PointLight, SpotLight

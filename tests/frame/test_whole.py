@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 import ssgi_cl as gi
-from ssgi_cl.bench.cases.vpl_lobes import polished
+from ssgi_cl.bench.drawn import polished
 from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.params import cell_size

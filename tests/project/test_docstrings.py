@@ -18,7 +18,7 @@ import ssgi_cl as gi
 from ssgi_cl.techniques.catalogue import CATALOGUE
 
 BESIDE = {"Choice", "auxiliary_cameras", "choose_vpls"}
-"""What techniques use, of no paper of its own."""
+"""Parts of techniques, of no paper of their own."""
 TECHNIQUES = {
     name: value
     for name in gi.__all__

@@ -121,7 +121,7 @@ def test_the_choice_is_that_of_the_seed_and_none_comes_twice() -> None:
         ("ssgi_cl/core/camera.py", "tests/core/test_camera.py"),
         ("ssgi_cl/techniques/direct/light_data.py", "tests/techniques/direct/test_shade.py"),
         ("rasterize/files/gltf_nodes.py", "tests/rasterize/test_load_gltf.py"),
-        ("bench/front.py", "tests/bench/test_front.py"),
+        ("bench/plot.py", "tests/bench/test_plot.py"),
     ],
 )
 def test_a_file_is_covered_by_the_tests_of_its_name_or_its_users(graph: Covering, path: str, test: str) -> None:

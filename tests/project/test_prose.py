@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 import ssgi_cl as gi
-from ssgi_cl.bench import figure_tables, parameter_tables
+from ssgi_cl.bench import figure_tables
 from ssgi_cl.core.params import describe
 from ssgi_cl.techniques import catalogue
 
@@ -175,8 +175,8 @@ def test_every_public_technique_has_a_page_and_every_parameter_a_row() -> None:
     }
     public = {getattr(gi, name) for name in dir(gi) if name.endswith("Params")}
     public -= {gi.FrameParams, gi.WholeFrameParams}  # of whole frames, which `render` describes
-    assert public <= set(parameter_tables.PARAMETERS.values())
-    for name, params in parameter_tables.PARAMETERS.items():
+    assert public <= set(figure_tables.PARAMETERS.values())
+    for name, params in figure_tables.PARAMETERS.items():
         page = text(f"docs/techniques/{name.partition('-')[0]}.md")
         rows = re.findall(rf"figures:parameters-{name} -->\n(.*?)<!-- end -->", page, re.DOTALL)
         shown = re.findall(r"^\| `(\w+)` \| ([^|]*) \|", rows[0], re.MULTILINE)

@@ -1,4 +1,4 @@
-"""What `import ssgi_cl` shows, what it costs."""
+"""Public names and cost of `import ssgi_cl`."""
 
 from __future__ import annotations
 

@@ -25,13 +25,6 @@ from ..techniques.analytic import camera, scene
 RADIUS = 0.6
 
 
-@pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An empty store."""
-    monkeypatch.setattr(store, "cache_folder", lambda: tmp_path)
-    return tmp_path / "truth"
-
-
 def corner(name: str = "corner", size: tuple[int, int] = (24, 30)) -> GBuffer:
     return scene(name, camera(size=size), np.random.default_rng(20))
 

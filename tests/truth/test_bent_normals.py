@@ -8,19 +8,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-import ssgi_cl.truth.store as store
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.truth import bent_normals
 
 from ..closed_forms import FLOOR, WALL, above, quads
 
 pytest.importorskip("embreex", reason="embreex is not installed (extra 'truth')")
-
-
-@pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """An empty store."""
-    monkeypatch.setattr(store, "cache_folder", lambda: tmp_path)
 
 
 def spot(distance: float) -> GBuffer:

@@ -14,30 +14,23 @@ import trimesh
 from numpy.typing import NDArray
 
 import ssgi_cl.truth.ray_ao as estimator
-import ssgi_cl.truth.store as store
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.errors import MissingExtraError
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.raster.view import gbuffer
-from ssgi_cl.truth import Truth, ambient_occlusion, layered_occlusion, metrics
+from ssgi_cl.truth import ambient_occlusion, layered_occlusion, metrics
 from ssgi_cl.truth.layer_mesh import JOINS, layer_mesh
 
 from ..closed_forms import hidden_by_wall, quads, with_mesh
 from ..techniques.analytic import CAMERAS, Plane, camera, tilted, trace
 from ..techniques.walls import wall_and_floor
+from .conftest import same
 
 pytest.importorskip("embreex", reason="embreex is not installed (extra 'truth')")
 
 Doubles = NDArray[np.float64]
-
-
-@pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An empty store."""
-    monkeypatch.setattr(store, "cache_folder", lambda: tmp_path)
-    return tmp_path / "truth"
 
 
 # ---- closed forms
@@ -229,10 +222,6 @@ def test_whatever_the_layers_hold_the_result_is_in_range(
 
 
 # ---- kept
-
-
-def same(a: Truth, b: Truth) -> bool:
-    return a.key == b.key and np.array_equal(a.mean, b.mean) and np.array_equal(a.error, b.error)
 
 
 def test_kept_floor_is_returned_without_a_ray(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -45,11 +45,6 @@ FAR = 1e3
 """Extent of planes that stand for infinite ones; the rest is seen under about 1 / FAR."""
 
 
-@pytest.fixture(autouse=True)
-def _own_store(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(store, "truth_folder", lambda: tmp_path)
-
-
 # ---- scenes
 
 Quad = tuple[Sequence[float], Sequence[float], Sequence[float]]

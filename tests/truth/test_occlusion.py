@@ -24,7 +24,7 @@ from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.errors import MissingExtraError, TruthError
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.scene import Scene
-from ssgi_cl.truth import Truth, ambient_occlusion
+from ssgi_cl.truth import ambient_occlusion
 
 from ..closed_forms import (
     FAR,
@@ -40,15 +40,9 @@ from ..closed_forms import (
     made,
     quads,
 )
+from .conftest import same
 
 pytest.importorskip("embreex", reason="embreex is not installed (extra 'truth')")
-
-
-@pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An empty store."""
-    monkeypatch.setattr(store, "cache_folder", lambda: tmp_path)
-    return tmp_path / "truth"
 
 
 # ---- closed forms
@@ -231,10 +225,6 @@ def posts() -> tuple[Scene, Camera]:
     post = ((0.1, 0, -0.2), (0.3, 0, 0.1), (0, 0.9, 0))
     camera = Camera.look_at((0.5, 2, 3), (0, 0.3, 0), yfov=0.8, width=48, height=36)
     return quads(((-4, 0, -4), (0, 0, 8), (8, 0, 0)), post), camera
-
-
-def same(a: Truth, b: Truth) -> bool:
-    return a.key == b.key and np.array_equal(a.mean, b.mean) and np.array_equal(a.error, b.error)
 
 
 def test_kept_truth_is_returned_without_a_ray(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,7 +6,6 @@ import math
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -35,11 +34,6 @@ STANDARD_ERRORS = 3.0
 """The mean over an image is that many of its standard errors from what is expected, at most."""
 ROUNDING = 2e-5
 """Relative, of float32 positions."""
-
-
-@pytest.fixture(autouse=True)
-def _own_store(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(store, "truth_folder", lambda: tmp_path)
 
 
 def quads(*parts: Sequence[Sequence[float]], materials: Sequence[Material], **rest: Any) -> Scene:

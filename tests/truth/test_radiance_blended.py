@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ import pytest
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight
 from ssgi_cl.core.scene import Material, Scene
-from ssgi_cl.truth import mitsuba_scene, store
+from ssgi_cl.truth import mitsuba_scene
 from ssgi_cl.truth.radiance import radiance
 
 from .test_radiance import BOX, FLOOR, closely, mitsubas_own, quads
@@ -32,11 +31,6 @@ def pane(height: float) -> tuple[tuple[float, ...], ...]:
 def down(width: int = 16, height: int = 12) -> Camera:
     return Camera.look_at((0.1, 4.0, 0.0), (0.1, 0.0, 0.0), up=(0, 0, 1), width=width,
                           height=height, yfov=0.01)  # fmt: skip
-
-
-@pytest.fixture(autouse=True)
-def _own_store(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(store, "truth_folder", lambda: tmp_path)
 
 
 def lit(scene: Scene, expected: np.ndarray) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ import pytest
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight
 from ssgi_cl.core.scene import Material, Scene
-from ssgi_cl.truth import mitsuba_scene, store
+from ssgi_cl.truth import mitsuba_scene
 from ssgi_cl.truth.radiance import radiance
 
 from .test_radiance import BOX, FLOOR, ROUNDING, above, closely, mitsubas_own, quads
@@ -20,11 +19,6 @@ from .test_radiance import BOX, FLOOR, ROUNDING, above, closely, mitsubas_own, q
 pytest.importorskip("mitsuba", reason="mitsuba is not installed (extra 'truth')")
 
 ALBEDO, SPECULAR = (0.3, 0.2, 0.1), (0.5, 0.4, 0.2)
-
-
-@pytest.fixture(autouse=True)
-def _own_store(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(store, "truth_folder", lambda: tmp_path)
 
 
 def glossy(gloss: float, albedo: Sequence[float] = ALBEDO, specular: Sequence[float] = SPECULAR) -> Material:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,17 +10,12 @@ import pytest
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import DirectionalLight, Light, PointLight
 from ssgi_cl.core.scene import Material
-from ssgi_cl.truth import mitsuba_scene, store
+from ssgi_cl.truth import mitsuba_scene
 from ssgi_cl.truth.radiance import radiance
 
 from .test_radiance import closely, quads
 
 pytest.importorskip("mitsuba", reason="mitsuba is not installed (extra 'truth')")
-
-
-@pytest.fixture(autouse=True)
-def _own_store(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(store, "truth_folder", lambda: tmp_path)
 
 
 ALBEDO = 0.6

@@ -1,9 +1,8 @@
-"""What techniques of slices converge to: against formulas, their references and themselves."""
+"""Limits of techniques of slices: against formulas, their references and themselves."""
 
 from __future__ import annotations
 
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -33,11 +32,6 @@ PARAMS: dict[str, Any] = {
     "bitmask_ao": partial(BitmaskParams, joined=False, thickness=0.5),
 }
 CALLS: dict[str, Any] = {"gtao": gtao, "hbao": hbao, "bitmask_ao": partial(bitmask_ao, joined=False, thickness=0.5)}
-
-
-@pytest.fixture(autouse=True)
-def own_store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("SSGI_CL_CACHE", str(tmp_path))
 
 
 @pytest.mark.parametrize("technique", PARAMS)

@@ -23,6 +23,8 @@ from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.truth.digests import camera_description, digest, light_description, scene_digest
 from ssgi_cl.truth.store import Truth, accumulated, clear, stored
 
+from .conftest import same
+
 SIZE = (7, 9)
 PASSES = 5
 
@@ -33,6 +35,11 @@ def view(size: tuple[int, int] = SIZE) -> Camera:
 
 def description(size: tuple[int, int] = SIZE, **other: Any) -> dict[str, Any]:
     return {"kind": "test", "camera": camera_description(view(size)), "radius": math.inf, **other}
+
+
+@pytest.fixture(autouse=True)
+def folder() -> None:
+    """The usual folder: these tests say where they keep what."""
 
 
 class Estimates:
@@ -56,12 +63,6 @@ def kept(tmp_path: Path, **arguments: Any) -> Truth:
 def the_file(folder: Path) -> Path:
     (path,) = folder.glob("*.npz")
     return path
-
-
-def same(a: Truth, b: Truth) -> bool:
-    return (
-        np.array_equal(a.mean, b.mean) and np.array_equal(a.error, b.error) and (a.passes, a.key) == (b.passes, b.key)
-    )
 
 
 class Stop(Exception):

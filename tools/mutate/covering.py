@@ -1,4 +1,4 @@
-"""Which test files cover a source file: those of its name, and those that use it, near ones first.
+"""Test files that cover a source file: those of its name, and those that use it, near ones first.
 
 The graph has an edge from a module to each that it imports, from a module to each kernel whose path
 it holds as a string, and from a kernel to what it includes.

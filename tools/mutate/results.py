@@ -1,4 +1,4 @@
-"""What became of mutants, and the report."""
+"""Results of mutants, and the report."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ KILLED, SURVIVED, TIMEOUT, EQUIVALENT, INVALID = ("killed", "survived", "timed o
 
 @dataclass(frozen=True)
 class Result:
-    """What became of a mutant.
+    """Result of a mutant.
 
     Attributes:
         mutant: the mutant.

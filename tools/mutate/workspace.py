@@ -29,7 +29,7 @@ NOTHING_COLLECTED = 5
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a run of tests.
+    """Result of a run of tests.
 
     Attributes:
         code: exit status of pytest; None: it ran past its time.

@@ -1,1 +1,1 @@
-"""What an operator may do to the library, repeated until something breaks."""
+"""Rough use of the library, repeated until something breaks."""

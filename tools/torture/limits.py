@@ -20,7 +20,7 @@ from ssgi_cl.io import exr
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 
 PROGRAM = Path(__file__).parents[2] / "ssgi_cl" / "__main__.py"
-"""What the program `ssgi` starts."""
+"""Start of the program `ssgi`."""
 KILLS = 12
 LONGEST = 2.0
 """Seconds after which a command is killed at the latest."""

@@ -372,8 +372,8 @@ def test_results_of_different_seeds_are_independent(nearly_exact: NDArray[np.flo
 def test_size_of_a_block_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     scene, camera = posts()
     first = ray_ao(scene, camera, 1.0, 64)
-    monkeypatch.setattr(module, "_PIXELS", 100)
-    monkeypatch.setattr(module, "_RAYS", 3000)
+    monkeypatch.setattr(module, "BLOCK_PIXELS", 100)
+    monkeypatch.setattr(module, "BLOCK_RAYS", 3000)
     np.testing.assert_array_equal(ray_ao(scene, camera, 1.0, 64), first)
 
 
@@ -408,7 +408,7 @@ def test_distance_of_the_eye_does_not_matter() -> None:
 
 
 def test_progress_grows_to_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "_PIXELS", 200)
+    monkeypatch.setattr(module, "BLOCK_PIXELS", 200)
     told: list[float] = []
     ray_ao(*posts(), 1.0, 16, progress=told.append)
     assert told == sorted(told)

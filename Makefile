@@ -95,10 +95,10 @@ lint: setup
 
 # About 20 minutes on two cores. FIGURES="--quick --allow-dirty" tries it.
 figures: setup
-	$(BIN)/python -m ssgi_cl.bench.figures $(if $(MESHES),--meshes "$(MESHES)") $(FIGURES)
+	$(BIN)/python -m tools.figures $(if $(MESHES),--meshes "$(MESHES)") $(FIGURES)
 
 figures-render: setup
-	$(BIN)/python -m ssgi_cl.bench.figures --render
+	$(BIN)/python -m tools.figures --render
 
 figures-agreement: setup
 	$(BIN)/python -m ssgi_cl.bench.experiments.agreement

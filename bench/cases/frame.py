@@ -23,7 +23,9 @@ from ssgi_cl.tuning.case import Family, Subject, count_of
 from ssgi_cl.tuning.context import Context
 
 from ..drawn import DrawnMaps, moving_cameras
-from ..skips import MOVING
+
+MOVING = tuple(name for name in SKIPS if name != "unchanged")
+"""Skips of a frame that differs from the one before."""
 
 CHOICES = {"none": (), "all": MOVING, "still": tuple(SKIPS)}
 """Setting -> what may be left out."""

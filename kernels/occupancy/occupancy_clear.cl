@@ -19,11 +19,11 @@
 __kernel void occupancy_clear(__global const float *restrict boxes,
                               ssgi_optional __global const float *restrict bounds,
                               __global int *restrict occupancy, __global float *restrict grid_box,
-                              const OccupancyParams params)
+                              const int2 size, const OccupancyParams params)
 {
     const int y = (int)get_global_id(0);
     const int z = (int)get_global_id(1);
-    if (y >= OCCUPANCY_CELLS || z >= OCCUPANCY_CELLS) {
+    if (y >= size.x || z >= size.y) {
         return;
     }
     for (int i = 0; i < OCCUPANCY_CELLS / 32; ++i) {

@@ -63,8 +63,6 @@ class Technique:
         params: the dataclass that declares the parameters.
         technique: the class, to prepare once and run often; see above for its `run`.
         reference: the module of the numpy reference implementation.
-        kernels: path in kernels/ -> names of macros, of the technique's own folders there; what it
-            shares with others, such as filters, lies in folders of their own.
         reads: out of `INPUTS`.
         writes: results by name, also in a file; optional ones last.
         methods: other ways to compute it, each with the dataclass of its parameters.
@@ -85,7 +83,6 @@ class Technique:
     params: type[Params]
     technique: Any
     reference: str
-    kernels: Mapping[str, Sequence[str]]
     reads: tuple[str, ...]
     writes: tuple[str, ...]
     methods: Mapping[str, type[Params]] = field(default_factory=dict)

@@ -42,6 +42,7 @@ def spot_lit(runtime: Runtime) -> BuiltinScene:
     return views_of(["cornell_box-spot"], runtime)["cornell_box-spot"]
 
 
+@pytest.mark.slow
 def test_ablation_of_the_spot_lit_box_blames_the_bounces(runtime: Runtime) -> None:
     view = spot_lit(runtime)
     terms = {one.term: one for one in ablation(view, SIZE, runtime, "direct", paths=128)}
@@ -56,6 +57,7 @@ def test_ablation_of_the_spot_lit_box_blames_the_bounces(runtime: Runtime) -> No
     assert sum(shares) == pytest.approx(1.0, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_the_skys_light_is_what_the_frame_has_of_it(runtime: Runtime) -> None:
     # In the room `parlour` no sky is seen, neither by paths nor by the frame; a frame of direct
     # light alone has an ambient term there.
@@ -66,12 +68,14 @@ def test_the_skys_light_is_what_the_frame_has_of_it(runtime: Runtime) -> None:
     assert abs(terms[FIRST].alone.bias - terms[NOTHING].alone.bias) < 0.1
 
 
+@pytest.mark.slow
 def test_terms_add_up_and_dark_parts_are_left_out(runtime: Runtime) -> None:
     view = make_scene("cornell_box")
     terms = [one.term for one in ablation(view, SIZE, runtime, "low", paths=4)]
     assert terms == [NOTHING, EMISSION, FIRST, LATER, EDGES, "all bounces", NOISE]
 
 
+@pytest.mark.slow
 def test_pixels_of_glossy_surfaces_are_a_term(runtime: Runtime) -> None:
     box = spot_lit(runtime)
     # The second half of the triangles mirrors.
@@ -89,6 +93,7 @@ def test_pixels_of_glossy_surfaces_are_a_term(runtime: Runtime) -> None:
     assert terms[GLOSSY].alone.flip < 0.95 * terms[NOTHING].alone.flip
 
 
+@pytest.mark.slow
 def test_the_noise_of_the_reference_is_told(runtime: Runtime) -> None:
     view = make_scene("cornell_box")
     few, many = ({one.term: one for one in ablation(view, SIZE, runtime, "low", paths=paths)} for paths in (8, 128))

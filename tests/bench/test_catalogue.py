@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import pytest
 
-from ssgi_cl.bench import calls, cases, figure_tables
+from ssgi_cl.bench import calls, cases
 from ssgi_cl.bench.experiments import defaults
 from ssgi_cl.techniques.catalogue import CATALOGUE
 from ssgi_cl.techniques.technique import Bench
+from tools.figures import tables
 
 
 def test_every_technique_is_measured_called_and_shown() -> None:
@@ -24,8 +25,8 @@ def test_every_technique_is_measured_called_and_shown() -> None:
 
 
 def test_a_technique_has_rows_and_a_page_by_its_descriptor_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = figure_tables.rows()
-    assert [call for call, _, _ in before] == list(figure_tables.ORDER)
+    before = tables.rows()
+    assert [call for call, _, _ in before] == list(tables.ORDER)
     new = replace(CATALOGUE["ssao"], name="new", bench=Bench(rows={"new": ("what", (("", "ssao.4"),))}))
     monkeypatch.setitem(CATALOGUE, "new", new)
-    assert figure_tables.rows() == [*before, ("new", "what", (("", "ssao.4"),))]
+    assert tables.rows() == [*before, ("new", "what", (("", "ssao.4"),))]

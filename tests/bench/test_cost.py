@@ -10,6 +10,7 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import cornell_box
 
 
+@pytest.mark.slow
 def test_every_technique_has_a_cost_at_every_place(runtime: Runtime) -> None:
     places = [((30, 40), 1.0), ((30, 40), 2.0), ((45, 60), 1.0)]
     found = costs(cornell_box(), runtime, ["gtao", "hbao"], places, runs=4)

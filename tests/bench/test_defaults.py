@@ -116,6 +116,7 @@ def test_lights_looked_at_at_few_points_are_those_of_all_levels(box: Context) ->
     assert 0.0 < usual.error < 5.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", scan_lights.GRID_CONSTANTS)
 def test_every_constant_of_the_grid_reaches_the_kernels(hall: Context, name: str) -> None:
     usual = getattr(multires_grid, name.upper())

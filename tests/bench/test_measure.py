@@ -46,6 +46,7 @@ def test_a_short_subject_is_repeated_within_a_run_and_its_time_is_that_of_one(ru
     assert len(calls) > measure.WARM_UP + measure.TRIES * 4
 
 
+@pytest.mark.slow
 def test_the_reference_measured_against_itself_has_the_ratio_one(runtime: Runtime) -> None:
     timing = Stopwatch(runtime, runs=20).time(Subject(run=GatherLoad(runtime).run))
     # On a quiet machine within 2 %; other programs may take a core from one and not the other.
@@ -172,6 +173,7 @@ def test_a_subject_of_seconds_is_run_once_and_then_measured_four_times(
     assert timing.unsteady == ""
 
 
+@pytest.mark.slow
 def test_a_slow_subject_is_repeated_less_often_but_often_enough(runtime: Runtime) -> None:
     slow = Stopwatch(runtime, seconds=0.01).time(Subject(run=lambda: time.sleep(0.02), on_device=False))
     assert slow.runs == measure.FEWEST

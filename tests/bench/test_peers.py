@@ -173,6 +173,7 @@ def test_the_tree_of_a_mesh_that_stands_still_is_not_built_in_a_run(context: Con
             assert family.prepare(context, "1").setup is None
 
 
+@pytest.mark.slow
 def test_building_takes_the_time_that_bringing_does_not(runtime: Runtime) -> None:
     installed("embree")
     tree = embree.Tree(BUILTIN_SCENES["hall"]().scene)

@@ -277,6 +277,7 @@ def test_error_is_the_geometric_mean_over_the_views(runtime: Runtime) -> None:
     assert trial.error == pytest.approx(math.exp(np.mean(np.log(errors))), rel=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("own_store")
 def test_radius_is_the_views_unless_it_is_fixed(runtime: Runtime) -> None:
     pytest.importorskip("embreex")

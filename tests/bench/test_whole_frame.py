@@ -46,6 +46,7 @@ def measured(runtime: Runtime, views: dict[str, BuiltinScene], *cases: str, path
     return suite.measure(parsed, views, runtime, truths=TruthSettings(paths=paths), runs=4)
 
 
+@pytest.mark.slow
 def test_frames_and_peers_are_cases_with_time_and_error(runtime: Runtime) -> None:
     own = ["frame.default", "frame.multires", "frame.direct", "frame-first.default"]
     found = measured(runtime, {SPOT: spot_lit(runtime)}, *own, "mitsuba-frame.1", "mitsuba-frame.16")

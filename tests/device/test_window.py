@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssgi_cl.bench.skips import lone_object
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import Environment, Light
 from ssgi_cl.device.active_region import PreviousRegion, Region, copy_region
@@ -19,6 +18,7 @@ from ssgi_cl.rasterize.raster.rasterizer import Rasterizer
 from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.rasterize.scenes import BuiltinScene
 from ssgi_cl.techniques.ao.gtao import Gtao, GtaoParams
+from tools.figures.skips import lone_object
 
 EMPTY = Region(0, 0, 0, 0)
 SIZE = (600, 200)

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from ssgi_cl.bench.skips import SKIP_SCENES
 from ssgi_cl.cli.command import main
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import Environment, Light, PointLight, SpotLight
@@ -20,6 +19,7 @@ from ssgi_cl.frame.render import Frame, Renderer, render
 from ssgi_cl.frame.skips import OUTPUTS, SKIPS, chosen_outputs, chosen_skips
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, BuiltinScene
 from ssgi_cl.techniques.ao.gtao import GtaoParams
+from tools.figures.skips import SKIP_SCENES
 
 GLOW = Environment((0.3, 0.2, 0.4))
 SIZE = (80, 60)

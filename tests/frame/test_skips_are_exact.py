@@ -43,7 +43,14 @@ def steps(scene: Scene, lights: Any) -> Iterator[tuple[str, Scene, gi.Camera, An
     yield "no panes", squares(*SOLID[1:]), aside, brighter, {**given, "ao_radius": 0.3}
 
 
-@pytest.mark.parametrize("lights", [[LAMP, SKY], [SKY], []], ids=["lamp-sky", "sky", "none"])
+@pytest.mark.parametrize(
+    "lights",
+    [
+        pytest.param([LAMP, SKY], id="lamp-sky"),
+        pytest.param([SKY], id="sky", marks=pytest.mark.slow),
+        pytest.param([], id="none", marks=pytest.mark.slow),
+    ],
+)
 def test_frames_with_layers_are_the_same_with_skips(runtime: Runtime, lights: Any) -> None:
     for number, (changed, scene, camera, lit, given) in enumerate(steps(squares(*SOLID, *PANES), lights)):
         for outputs in (["radiance", "indirect", "ao"], ["image"]):

@@ -53,7 +53,7 @@ def test_each_bounce_adds_its_share(runtime: Runtime) -> None:
         assert found.mean() == pytest.approx(expected, rel=0.02), bounces
 
 
-@pytest.mark.parametrize("name", ["cornell_box", "parlour"])
+@pytest.mark.parametrize("name", ["cornell_box", pytest.param("parlour", marks=pytest.mark.slow)])
 def test_the_default_frame_is_near_a_path_tracer(runtime: Runtime, name: str) -> None:
     pytest.importorskip("mitsuba", reason="mitsuba is not installed (extra 'truth')")
     built = make_scene(name)

@@ -14,9 +14,9 @@ from pathlib import Path
 import pytest
 
 import ssgi_cl as gi
-from ssgi_cl.bench import figure_tables
 from ssgi_cl.core.params import describe
 from ssgi_cl.techniques import catalogue
+from tools.figures import tables
 
 ROOT = Path(__file__).parents[2]
 
@@ -155,7 +155,7 @@ def test_walks_name_what_exists() -> None:
     assert not missing
 
 
-@pytest.mark.parametrize("name", figure_tables.PAGES)
+@pytest.mark.parametrize("name", tables.PAGES)
 def test_pages_of_techniques_have_all_their_parts(name: str) -> None:
     page = text(f"docs/techniques/{name}.md")
     headings = re.findall(r"^## (.*)$", page, re.MULTILINE)
@@ -169,14 +169,14 @@ def test_pages_of_techniques_have_all_their_parts(name: str) -> None:
 
 def test_every_public_technique_has_a_page_and_every_parameter_a_row() -> None:
     functions = {name for name, value in vars(catalogue).items() if name in catalogue.TECHNIQUES and callable(value)}
-    assert functions <= set(figure_tables.PAGES)
-    assert {f"docs/techniques/{name}.md" for name in (*figure_tables.PAGES, "README")} == {
+    assert functions <= set(tables.PAGES)
+    assert {f"docs/techniques/{name}.md" for name in (*tables.PAGES, "README")} == {
         page for page in PAGES if page.startswith("docs/techniques/")
     }
     public = {getattr(gi, name) for name in dir(gi) if name.endswith("Params")}
     public -= {gi.FrameParams, gi.WholeFrameParams}  # of whole frames, which `render` describes
-    assert public <= set(figure_tables.PARAMETERS.values())
-    for name, params in figure_tables.PARAMETERS.items():
+    assert public <= set(tables.PARAMETERS.values())
+    for name, params in tables.PARAMETERS.items():
         page = text(f"docs/techniques/{name.partition('-')[0]}.md")
         rows = re.findall(rf"figures:parameters-{name} -->\n(.*?)<!-- end -->", page, re.DOTALL)
         shown = re.findall(r"^\| `(\w+)` \| ([^|]*) \|", rows[0], re.MULTILINE)

@@ -99,6 +99,7 @@ def test_seeds_give_different_scenes(kind: str) -> None:
     assert len(digests) == 2
 
 
+@pytest.mark.slow
 def test_number_of_triangles_is_that_of_small_real_scenes(made: BuiltinScene) -> None:
     assert 5_000 < len(made.scene.triangles) < 160_000
 

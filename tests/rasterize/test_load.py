@@ -439,6 +439,7 @@ def test_spot_keeps_its_texture() -> None:
     assert scene.uvs.std() > 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "triangles", "materials", "textures"),
     [

@@ -156,6 +156,7 @@ def test_a_triangle_of_any_size_is_seen(runtime: Runtime, scale: float) -> None:
     assert np.isfinite(seen_depth(scene, camera, runtime)).mean() > 0.05
 
 
+@pytest.mark.slow
 def test_a_large_scene_is_looked_round_in_a_fraction_of_a_second(runtime: Runtime) -> None:
     scene = BUILTIN_SCENES["hall"]().scene
     view_of(scene, runtime)  # compiles and uploads

@@ -142,6 +142,7 @@ def test_built_in_views_get_about_the_radius_that_was_chosen_for_them(runtime: R
     assert radius < 0.6 * box, "5 % of the box is too much in all of these"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["hall", "street-1", "foliage-3"])
 def test_small_motion_of_the_camera_changes_the_radius_as_little(runtime: Runtime, name: str) -> None:
     built = make_scene(name)
@@ -285,6 +286,7 @@ def test_a_room_on_a_large_ground_is_seen_through_its_gap(runtime: Runtime) -> N
     assert 4.0 < camera.position[2] < 10.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [

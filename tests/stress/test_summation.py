@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from ssgi_cl.bench import summation
 from ssgi_cl.device.runtime import Runtime
+from tools.figures import summation
 
 MOST = 1e-5
 """Relative error of a pixel's irradiance."""

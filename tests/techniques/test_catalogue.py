@@ -4,31 +4,24 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
-from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
 from importlib import import_module
 from itertools import product
-from pathlib import Path
-from typing import Any, get_args, get_type_hints
+from typing import get_args, get_type_hints
 
 import numpy as np
 import pytest
 
 import ssgi_cl as gi
-from ssgi_cl import kernels as kernel_folder
 from ssgi_cl.bench.every import Inputs, inputs
 from ssgi_cl.core.params import parameter_fields
-from ssgi_cl.device import sources
 from ssgi_cl.device.gbuffer import on_device
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.device.structs import Struct
 from ssgi_cl.techniques.catalogue import CATALOGUE, of_kind, table
 from ssgi_cl.techniques.technique import INPUTS, KINDS, Technique
 from ssgi_cl.tuning.context import Context
 
 from .test_values import CASES, bits
 
-KERNELS = Path(kernel_folder.__file__).parent
 every_technique = pytest.mark.parametrize("technique", CATALOGUE.values(), ids=lambda t: t.name)
 EXTRA = {"multi_bounce", "ray_ao"}
 """Public functions of techniques that run on the host, which the catalogue has not."""
@@ -37,27 +30,6 @@ EXTRA = {"multi_bounce", "ray_ao"}
 @pytest.fixture(scope="module")
 def given(runtime: Runtime) -> Inputs:
     return inputs(runtime, (36, 48), 32)
-
-
-SHARED = {
-    "direct/layer_shading.cl",  # what surfaces send in SSDO
-    "direct/light_shadows.cl",  # lights of frames
-    "rsm/rsm_face.cl",  # reflective shadow maps, which several techniques read
-    "rsm/rsm_lobe.cl",
-    "rsm/rsm_normals.cl",
-}
-"""Kernels in folders of techniques that are of no single one."""
-
-
-def folders(technique: Technique) -> set[str]:
-    """Return the technique's folders of kernels, of which some have kernels of several techniques."""
-    return {path.split("/")[0] for path in technique.kernels}
-
-
-def own(technique: Technique, paths: Iterable[str]) -> set[str]:
-    """Return those of some kernels that lie in the technique's folders and are of no other one."""
-    others = {path for other in CATALOGUE.values() if other is not technique for path in other.kernels}
-    return {path for path in paths if path.split("/")[0] in folders(technique)} - others - SHARED
 
 
 @every_technique
@@ -83,40 +55,6 @@ def test_every_technique_is_in_the_catalogue() -> None:
     assert functions - EXTRA - {"auxiliary_cameras", "choose_vpls"} == set(CATALOGUE)
     assert {name for kind in KINDS for name in of_kind(kind)} == set(CATALOGUE)
     assert {name.split(",")[0] for name in CASES} == set(CATALOGUE)  # values as arguments
-
-
-@every_technique
-def test_kernels_exist_and_have_the_macros(technique: Technique) -> None:
-    for path, macros in technique.kernels.items():
-        text = sources.flatten(path)
-        for macro in macros:
-            assert macro in text, (path, macro)
-    there = {f"{folder}/{file.name}" for folder in folders(technique) for file in (KERNELS / folder).glob("*.cl")}
-    assert own(technique, there) == set(technique.kernels)
-    assert SHARED.isdisjoint(technique.kernels)
-
-
-@every_technique
-def test_a_technique_builds_what_its_descriptor_says(
-    runtime: Runtime, given: Inputs, technique: Technique, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    built: dict[str, set[str]] = defaultdict(set)
-    kernel = Runtime.kernel
-
-    def noted(
-        self: Runtime, path: str, macros: Mapping[str, int] | None = None, structs: Sequence[Struct] = (), **more: Any
-    ) -> Any:
-        built[path] |= set(macros or {})
-        return kernel(self, path, macros, structs, **more)
-
-    runtime._prepared.clear()
-    monkeypatch.setattr(Runtime, "kernel", noted)
-    for name, case in CASES.items():
-        if name.split(",")[0] == technique.name:
-            case.call(given, runtime=runtime, **case.base)
-    assert own(technique, built), "nothing was built"
-    for path in own(technique, built):
-        assert built[path] <= set(technique.kernels[path]), path
 
 
 @every_technique

@@ -96,6 +96,7 @@ def test_pace_is_made_of_a_small_and_a_large_picture_and_knows_a_busy_machine(
         assert speed.call_ms + 1e-6 * speed.pixel_ns * 3072 == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 def test_measured_pace_is_that_of_more_work_in_more_time(runtime: Runtime) -> None:
     # What else the machine does only slows both down, so the least of several turns is its own.
     few, many = (

@@ -273,7 +273,13 @@ def test_every_value_is_tried() -> None:
         assert tried == value_names(kind), kind
 
 
-@pytest.mark.parametrize("name", MODES)
+FAST = ("ssao", "gtao", "multires", "ssdo")
+"""Modes that every run takes; values of the others' techniques are those of `test_values_are_arguments`."""
+
+
+@pytest.mark.parametrize(
+    "name", [name if name in FAST else pytest.param(name, marks=pytest.mark.slow) for name in MODES]
+)
 def test_values_of_a_frame_are_arguments(runtime: Runtime, given: Inputs, name: str) -> None:
     def run(params: Mapping[str, Any]) -> list[str]:
         own = dict(params)

@@ -415,6 +415,7 @@ def test_shading_of_the_cornell_box_is_within_a_percent_of_truth(
     assert lit_share < 0.01
 
 
+@pytest.mark.slow
 def test_smooth_normals_light_the_hall_as_the_definition_says(runtime: Runtime) -> None:
     view = BUILTIN_SCENES["hall"]()
     camera = view.camera(160, 120)
@@ -509,6 +510,7 @@ def test_an_image_in_blocks_of_rows_is_the_same(monkeypatch: pytest.MonkeyPatch)
     assert whole.mean.any()
 
 
+@pytest.mark.slow
 def test_paths_in_parts_give_the_bits_of_all_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     view = BUILTIN_SCENES["cornell_box"]()
     lights = [*view.lights, Environment((0.2, 0.4, 0.3))]

@@ -123,6 +123,7 @@ def test_furnace_of_so_many_bounces_is_the_partial_sum(bounces: int) -> None:
     closely(radiance(furnace, INSIDE, [], 64, bounces), expected)
 
 
+@pytest.mark.slow
 def test_one_small_emitter_in_a_box_gives_what_its_flux_says() -> None:
     # All light is absorbed: integral of radiosity (1 - albedo) over walls = flux. Albedo 0 on
     # the light, so the walls' mean irradiance is flux / area / (1 - albedo), if none returns to it.
@@ -153,6 +154,7 @@ def _wall_views() -> list[tuple[tuple[float, ...], tuple[float, ...]]]:
     return views
 
 
+@pytest.mark.slow
 def test_emission_is_seen_from_both_sides_and_lights_both() -> None:
     panel = ((-1, 1, -1), (0, 0, 2), (2, 0, 0))
     scene = quads(FLOOR, panel, materials=[grey(0.0), grey(0.0, 3.0)])
@@ -172,6 +174,7 @@ def test_emission_is_seen_from_both_sides_and_lights_both() -> None:
     closely(lit[0], lit[1].mean, lit[1].error)
 
 
+@pytest.mark.slow
 def test_cut_out_emission_shines_where_it_is_not_cut_out() -> None:
     texture = np.zeros((8, 8, 4), np.uint8)
     texture[:, :4, 3] = 255  # half of it is there
@@ -232,6 +235,7 @@ def test_where_nothing_is_the_environments_are_seen(rng: np.random.Generator) ->
     assert (radiance(quads(panel, materials=[grey(0.0)]), camera, [], 4).mean == 0.0).all()
 
 
+@pytest.mark.slow
 def test_environment_image_reaches_the_last_vertex_too(rng: np.random.Generator) -> None:
     # One bright texel, so that importance sampling matters; the same light as `direct_light`.
     image = np.full((8, 16, 3), 0.05)
@@ -280,6 +284,7 @@ def test_mitsubas_own_integrator_finds_the_same(name: str) -> None:
 # ---- noise
 
 
+@pytest.mark.slow
 def test_error_tells_how_far_repeated_truths_are_apart() -> None:
     view = BUILTIN_SCENES["terrace"]()  # whose noise has no long tail
     camera = view.camera(24, 18)

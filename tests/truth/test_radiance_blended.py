@@ -86,6 +86,7 @@ def test_transmission_has_what_albedo_and_lobe_leave() -> None:
     closely(radiance(room, down(), [Environment(2.0)], 1024), 2.0)
 
 
+@pytest.mark.slow
 def test_a_room_with_panes_has_the_light_of_all_bounces() -> None:
     # Panes within a furnace change nothing: what they do not let through they send.
     wall = Material(albedo=(0.5,) * 3, emission=(1.0,) * 3)

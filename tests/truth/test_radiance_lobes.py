@@ -88,7 +88,7 @@ def box(gloss: float) -> tuple[Scene, list[Light]]:
     return scene, [PointLight((0.5, 0.5, 0.5), 0.5)]
 
 
-@pytest.mark.parametrize("open_to_a_sky", [False, True])
+@pytest.mark.parametrize("open_to_a_sky", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_mitsubas_own_integrator_finds_the_same(open_to_a_sky: bool) -> None:
     scene, lights = box(12.0)
     if open_to_a_sky:

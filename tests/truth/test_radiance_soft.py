@@ -34,6 +34,7 @@ def beyond(x: np.ndarray) -> np.ndarray:
     return share
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("variant", ["best", "scalar_rgb"])
 def test_penumbra_of_a_sun_before_an_edge(variant: str, monkeypatch: pytest.MonkeyPatch) -> None:
     if variant != "best":

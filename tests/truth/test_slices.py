@@ -84,6 +84,7 @@ def test_technique_with_many_taps_comes_close(
     assert np.sqrt(np.mean(many**2)) < 0.02
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("technique", "options"),
     [

@@ -14,7 +14,7 @@ from ssgi_cl.core.params import param
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.techniques.ao.occlusion import made_for
-from ssgi_cl.techniques.ao.slices import MACROS, PRESET_LAYERS, TUNABLE, SliceKeywords, SliceParams, SliceTechnique
+from ssgi_cl.techniques.ao.slices import PRESET_LAYERS, TUNABLE, SliceKeywords, SliceParams, SliceTechnique
 from ssgi_cl.techniques.filters.bilateral import BilateralParams
 from ssgi_cl.techniques.technique import Bench, Technique
 
@@ -183,16 +183,6 @@ DESCRIPTOR = Technique(
     params=BitmaskParams,
     technique=BitmaskAo,
     reference="ssgi_cl.reference.ao.bitmask_ao",
-    kernels={
-        "bitmask_ao/bitmask_ao.cl": (
-            *MACROS,
-            "SLICES_THICKNESS",
-            "SLICES_DEEPER",
-            "SLICES_NEXT",
-            "BITMASK_ANGLE",
-            "BITMASK_JOINED",
-        )
-    },
     reads=("depth", "normal", "thickness"),
     writes=("ao",),
     command=True,

@@ -19,7 +19,7 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.techniques.ao.bent_normals import BentNormals
 from ssgi_cl.techniques.ao.occlusion import made_for
-from ssgi_cl.techniques.ao.slices import MACROS, PRESET_LAYERS, TUNABLE, SliceKeywords, SliceParams, SliceTechnique
+from ssgi_cl.techniques.ao.slices import PRESET_LAYERS, TUNABLE, SliceKeywords, SliceParams, SliceTechnique
 from ssgi_cl.techniques.technique import Bench, Technique
 
 
@@ -206,7 +206,6 @@ DESCRIPTOR = Technique(
     params=GtaoParams,
     technique=Gtao,
     reference="ssgi_cl.reference.ao.gtao",
-    kernels={"gtao/gtao.cl": (*MACROS, "GTAO_FALLOFF", "GTAO_BENT"), "gtao/gtao_bent.cl": ()},
     reads=("depth", "normal"),
     writes=("ao", "bent"),
     command=True,

@@ -15,7 +15,7 @@ from ssgi_cl.core.params import param
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.techniques.ao.occlusion import made_for
-from ssgi_cl.techniques.ao.slices import MACROS, PRESET_LAYERS, TUNABLE, SliceKeywords, SliceParams, SliceTechnique
+from ssgi_cl.techniques.ao.slices import PRESET_LAYERS, TUNABLE, SliceKeywords, SliceParams, SliceTechnique
 from ssgi_cl.techniques.technique import Bench, Technique
 
 
@@ -134,7 +134,6 @@ DESCRIPTOR = Technique(
     params=HbaoParams,
     technique=Hbao,
     reference="ssgi_cl.reference.ao.hbao",
-    kernels={"hbao/hbao.cl": (*MACROS, "HBAO_ATTENUATION", "HBAO_BIAS")},
     reads=("depth", "normal"),
     writes=("ao",),
     command=True,

@@ -40,9 +40,6 @@ TILE = 4
 DEPTH_BIAS = 4e-6
 """Bias relative to the distance from the eye: some roundings of a float32 position (2^-24 each)."""
 
-MACROS = ("SLICES_COUNT", "SLICES_TAPS", "SLICES_LAYERS")
-"""Of every kernel that scans slices."""
-
 # Presets differ in how much they sample, not in what they take for an occluder, and in nothing that
 # depends on the scene: more slices err less on all sets of scenes. More taps err less where what is
 # tuned on is thick, and more where horizons take thin rods for walls.

@@ -326,16 +326,6 @@ DESCRIPTOR = Technique(
     params=SsaoParams,
     technique=Ssao,
     reference="ssgi_cl.reference.ao.ssao",
-    kernels={
-        "ssao/ssao.cl": (
-            "SSAO_MOST_SAMPLES",
-            "SSAO_RADII",
-            "SSAO_HEMISPHERE",
-            "SSAO_FALLOFF",
-            "SSAO_CURVE_SIZE",
-            "SSAO_OUTSIDE",
-        )
-    },
     reads=("depth", "normal"),
     writes=("ao",),
     command=True,

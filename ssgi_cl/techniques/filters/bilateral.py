@@ -244,7 +244,6 @@ DESCRIPTOR = Technique(
     params=BilateralParams,
     technique=Bilateral,
     reference="ssgi_cl.reference.filters.bilateral",
-    kernels={"filters/bilateral_blur.cl": ("BLUR_COUNT", "BLUR_RADIUS", "BLUR_ROWS", "BLUR_SHAPE")},
     reads=("depth", "normal", "image"),
     writes=("image",),
     bench=Bench(families=("blur",), rows={"bilateral_blur": ("edge-aware blur", (("15 x 15, separable", "blur.7"),))}),

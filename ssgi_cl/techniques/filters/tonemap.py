@@ -170,7 +170,6 @@ DESCRIPTOR = Technique(
     params=TonemapParams,
     technique=Tonemap,
     reference="ssgi_cl.reference.filters.tonemap",
-    kernels={"filters/tonemap.cl": ("TONEMAP_CURVE",)},
     reads=("image",),
     writes=("image",),
     bench=Bench(rows={"tonemap": ("exposure, filmic curve, sRGB", ())}),

@@ -353,11 +353,6 @@ DESCRIPTOR = Technique(
     params=UpsampleParams,
     technique=Upsample,
     reference="ssgi_cl.reference.filters.upsample",
-    kernels={
-        "filters/upsample_joint.cl": ("UPSAMPLE_COUNT", "UPSAMPLE_STEP"),
-        "filters/upsample_blur_rows.cl": ("BLUR_RADIUS", "UPSAMPLE_STEP"),
-        "filters/upsample_blur_columns.cl": ("BLUR_RADIUS", "UPSAMPLE_STEP"),
-    },
     reads=("depth", "normal", "image"),
     writes=("image",),
     bench=Bench(

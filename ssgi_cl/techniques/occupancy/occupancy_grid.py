@@ -194,7 +194,7 @@ class OccupancyGrid:
         """Queue the pass that empties the grid and places it round boxes and lights."""
         empty = Occupancy(*(self._own or self._empty(self.runtime.transient.array)), self.cells, unit)
         params, cells = OCCUPANCY.pack(values), (self.cells, self.cells)
-        self._clear.run((1, 1), grid=cells, boxes=boxes, bounds=bounds, params=params, **empty.arguments)
+        self._clear.run(cells, grid=cells, boxes=boxes, bounds=bounds, params=params, **empty.arguments)
         return empty
 
     def _filled(self, marked: Occupancy) -> Occupancy:

@@ -307,8 +307,6 @@ def radiosity(
     return technique.vpls or Vpls(none, none, none, np.zeros(0))
 
 
-_GRID = ("OCCUPANCY_CELLS",)
-
 DESCRIPTOR = Technique(
     name="radiosity",
     kind="indirect",
@@ -317,14 +315,6 @@ DESCRIPTOR = Technique(
     params=RadiosityParams,
     technique=Radiosity,
     reference="ssgi_cl.reference.radiosity.radiosity",
-    kernels={
-        "radiosity/radiosity_start.cl": _GRID,
-        "radiosity/radiosity_visibility.cl": _GRID,
-        "radiosity/radiosity_mirror.cl": (),
-        "radiosity/radiosity_sky.cl": _GRID,
-        "radiosity/radiosity_first.cl": _GRID,
-        "radiosity/radiosity_gather.cl": _GRID,
-    },
     reads=("lights", "rsms", "scene"),
     writes=("vpls",),
     bench=Bench(

@@ -280,10 +280,6 @@ DESCRIPTOR = Technique(
     params=ReflectionsParams,
     technique=Reflections,
     reference="ssgi_cl.reference.reflections.reflections",
-    kernels={
-        "reflections/reflect_trace.cl": ("REFLECT_RAYS", "REFLECT_STEPS", "REFLECT_CELLS", "OCCUPANCY_CELLS"),
-        "reflections/reflect_add.cl": ("REFLECT_STRIDE", "REFLECT_LAST"),
-    },
     reads=("depth", "normal", "albedo", "specular", "gloss", "lights", "shadow_maps", "scene", "image"),
     writes=("radiance",),
     bench=Bench(rows={"reflections": ("what glossy surfaces reflect", (("one ray a pixel", "reflections.1"),))}),

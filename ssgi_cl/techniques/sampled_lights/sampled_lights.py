@@ -294,11 +294,6 @@ DESCRIPTOR = Technique(
     params=SampledLightsParams,
     technique=SampledLights,
     reference="ssgi_cl.reference.sampled_lights.sampled_lights",
-    kernels={
-        "sampled_lights/sampled_depth.cl": ("SAMPLED_BATCH",),
-        "sampled_lights/sampled_cutouts.cl": (),
-        "sampled_lights/sampled_lights.cl": ("SAMPLED_COUNT",),
-    },
     reads=("depth", "normal", "lights", "scene"),
     writes=("irradiance",),
 )

@@ -108,6 +108,10 @@ class PointsParams(Params):
         """Taps of a direction: the more directions there are, the finer; one as published."""
         return 1 if self.method == "published" else 2 + math.isqrt(self.samples)
 
+    def thickness_of(self, gbuffer: DeviceGBuffer) -> Plane | None:
+        """Return the thicknesses that the kernels read: none as published."""
+        return None if self.method == "published" else gbuffer.thickness
+
     def macros(self, layers: int, thickness: Plane | None) -> dict[str, int]:
         """Return the macros of kernels/ssdo/search.clh to read depth layers with or without thickness."""
         published = self.method == "published"
@@ -214,7 +218,7 @@ class SsdoPoints(Prepared[PointsParams]):
         senders = 0 if radiance is None else radiance.layers
         self.bounces = senders > 0
         layers = 1 if self.reduced else gbuffer.layers
-        thickness = None if self.reduced else gbuffer.thickness
+        thickness = None if self.reduced else self.params.thickness_of(gbuffer)
         kernel = self.runtime.kernel(
             "ssdo/ssdo_points.cl",
             {

@@ -386,10 +386,11 @@ def add_point_view(
         raise ValueError("points keeps no directions: expected one that was made with kept=True")
     if records is not None and not points.bounces:
         raise ValueError("there are records: expected None, as points gathered no bounce")
+    thickness = points.params.thickness_of(other)
     kernel = points.runtime.kernel(
         "ssdo/ssdo_point_views.cl",
         {
-            **points.params.macros(other.layers, other.thickness),
+            **points.params.macros(other.layers, thickness),
             "POINT_VIEWS_COUNT": points.params.samples,
             "POINT_VIEWS_SENDERS": 0 if records is None else records.layers,
             "POINT_VIEWS_STEP": points.step,
@@ -403,7 +404,7 @@ def add_point_view(
         normal=gbuffer.normal,
         directions=points.wide_directions,
         planes=points.planes_of(other, other.layers),
-        thickness=other.thickness,
+        thickness=thickness,
         senders=None if records is None else records.array,
         gathered=light,
         kept=points.kept,

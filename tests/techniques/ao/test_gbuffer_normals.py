@@ -97,12 +97,12 @@ def test_given_normals_agree_with_numpy_reference(
 @pytest.mark.slow
 @pytest.mark.parametrize("normals", [True, False], ids=["given", "rebuilt"])
 def test_every_kernel_variant_gives_the_same_normals(
-    runtime: Runtime, every_variant: Runtime, rng: np.random.Generator, normals: bool
+    runtime: Runtime, other_variant: Runtime, rng: np.random.Generator, normals: bool
 ) -> None:
     gbuffer = scene("bumpy", camera(size=(131, 217)), rng, margin=(1, 3))
     if not normals:
         gbuffer = GBuffer(camera=gbuffer.camera, depth=gbuffer.depth)
-    a, b = derived(runtime, gbuffer), derived(every_variant, gbuffer)
+    a, b = derived(runtime, gbuffer), derived(other_variant, gbuffer)
     # Contraction is off, so variants differ only where a device's division or root is not exact.
     assert np.mean(np.abs(a - b) > 1e-5) < 1e-4
 

@@ -80,11 +80,11 @@ def test_every_kernel_variant_agrees_with_numpy_reference_for_every_switch(
 @pytest.mark.parametrize("name", ["corner", "noisy"])
 @pytest.mark.parametrize("resolution", ["full", "half"])
 def test_every_kernel_variant_gives_the_same_result(
-    runtime: Runtime, every_variant: Runtime, rng: np.random.Generator, subject: Subject, name: str, resolution: str
+    runtime: Runtime, other_variant: Runtime, rng: np.random.Generator, subject: Subject, name: str, resolution: str
 ) -> None:
     gbuffer = scene(name, camera(size=(131, 217)), rng)
     a = subject.function(gbuffer, RADIUS, resolution=resolution, runtime=runtime)
-    b = subject.function(gbuffer, RADIUS, resolution=resolution, runtime=every_variant)
+    b = subject.function(gbuffer, RADIUS, resolution=resolution, runtime=other_variant)
     # Contraction is off, so variants differ only where a device's division or root is not exact.
     assert share_off(a, b, 1e-5) < 1e-4
 

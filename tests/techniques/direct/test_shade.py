@@ -105,11 +105,11 @@ def test_every_kernel_variant_agrees_with_reference_with_all_inputs(
 @pytest.mark.slow
 @pytest.mark.parametrize("size", [(1, 1), (17, 31), (3, 5), (16, 64)], ids=str)
 def test_every_kernel_variant_gives_bit_identical_results(
-    runtime: Runtime, every_variant: Runtime, rng: np.random.Generator, size: tuple[int, int]
+    runtime: Runtime, other_variant: Runtime, rng: np.random.Generator, size: tuple[int, int]
 ) -> None:
     gbuffer = painted(scene("corner", camera(size=size), rng), rng)
     a = shade(gbuffer, LIGHTS["all"], runtime=runtime)
-    b = shade(gbuffer, LIGHTS["all"], runtime=every_variant)
+    b = shade(gbuffer, LIGHTS["all"], runtime=other_variant)
     # Contraction is off, so variants differ only where a device's division or root is not exact.
     np.testing.assert_allclose(a, b, rtol=1e-6, atol=1e-7)
 

@@ -362,6 +362,7 @@ def test_shadows_do_not_crawl(runtime: Runtime) -> None:
 # ---- wrong pixels
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "most"),
     [

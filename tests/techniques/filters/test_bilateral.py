@@ -86,12 +86,12 @@ def test_every_kernel_variant_agrees_with_numpy_reference_at_odd_sizes_and_margi
 
 @pytest.mark.slow
 def test_every_kernel_variant_gives_the_same_result(
-    runtime: Runtime, every_variant: Runtime, rng: np.random.Generator
+    runtime: Runtime, other_variant: Runtime, rng: np.random.Generator
 ) -> None:
     gbuffer = scene("noisy", camera(size=(131, 217)), rng)
     image = rng.random(gbuffer.size).astype(np.float32)
     a = bilateral_blur(image, gbuffer, runtime=runtime)
-    b = bilateral_blur(image, gbuffer, runtime=every_variant)
+    b = bilateral_blur(image, gbuffer, runtime=other_variant)
     # Contraction is off, so variants differ only where a device's division or root is not exact.
     assert share_off(a, b, 1e-5) < 1e-4
 

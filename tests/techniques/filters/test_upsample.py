@@ -76,12 +76,12 @@ def test_every_kernel_variant_agrees_with_numpy_reference_for_every_step_and_mar
 
 @pytest.mark.slow
 def test_every_kernel_variant_gives_the_same_result(
-    runtime: Runtime, every_variant: Runtime, rng: np.random.Generator
+    runtime: Runtime, other_variant: Runtime, rng: np.random.Generator
 ) -> None:
     gbuffer = scene("noisy", camera(size=(131, 217)), rng)
     image = rng.random(coarse_size(gbuffer.size, 2)).astype(np.float32)
     a = upsample(image, gbuffer, runtime=runtime)
-    b = upsample(image, gbuffer, runtime=every_variant)
+    b = upsample(image, gbuffer, runtime=other_variant)
     # Contraction is off, so variants differ only where a device's division or root is not exact.
     np.testing.assert_allclose(a, b, rtol=0, atol=1e-5)
 

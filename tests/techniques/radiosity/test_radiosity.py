@@ -217,8 +217,10 @@ def test_bounces_add_up(runtime: Runtime) -> None:
         assert made.bounces == bounces
 
 
-def test_kernel_against_float64(every_variant: Runtime) -> None:
-    made = solved(every_variant, two_squares(0.7, 2.0, side=3), (Environment((1.0, 0.5, 0.2)),), surfels=128, bounces=3)
+def test_kernel_against_float64(variant_runtime: Runtime) -> None:
+    made = solved(
+        variant_runtime, two_squares(0.7, 2.0, side=3), (Environment((1.0, 0.5, 0.2)),), surfels=128, bounces=3
+    )
     device, surfels = made._device, made.surfels
     words = device._visible.download().view(np.uint32).reshape(-1, device._stride)
     number = np.arange(len(surfels))

@@ -161,6 +161,7 @@ def test_floor_by_a_lit_wall_receives_what_the_wall_covers(runtime: Runtime) -> 
     assert float(error.mean()) > -0.06 * float(hidden[there].mean())
 
 
+@pytest.mark.slow
 def test_bounce_is_what_it_converges_to_on_average(runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = scene("bumpy", camera(size=(32, 40)), rng)
     radiance = radiance_of(gbuffer, rng)

@@ -116,13 +116,13 @@ def test_every_kernel_variant_agrees_with_numpy_reference_at_odd_sizes_and_margi
 
 @pytest.mark.slow
 def test_every_kernel_variant_gives_the_same_result(
-    runtime: Runtime, every_variant: Runtime, rng: np.random.Generator
+    runtime: Runtime, other_variant: Runtime, rng: np.random.Generator
 ) -> None:
     gbuffer, vpls = scene("bumpy", camera(size=(61, 87)), rng), lights(rng, 300)
     for interleave in (False, True):
         one, other = (
             irradiance(r, gbuffer, vpls, cutoff=0.02, interleave=interleave, blur_radius=0)
-            for r in (runtime, every_variant)
+            for r in (runtime, other_variant)
         )
         # Contraction is off, so variants differ only where a device's division is not exact.
         np.testing.assert_allclose(one, other, rtol=1e-6)

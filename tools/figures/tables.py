@@ -6,13 +6,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import ssgi_cl as gi
+from ssgi_cl.bench.document import clock, metric
+from ssgi_cl.bench.wording import NOTHING, markdown, median, milliseconds, number, quartiles, short_name
 from ssgi_cl.core.params import Params, describe
 from ssgi_cl.techniques.catalogue import CATALOGUE
 from ssgi_cl.techniques.filters.bilateral import BilateralParams
 from ssgi_cl.techniques.technique import Row
-
-from .document import clock, metric
-from .wording import NOTHING, markdown, median, milliseconds, number, quartiles, short_name
 
 Result = Mapping[str, Any]
 

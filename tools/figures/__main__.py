@@ -1,6 +1,6 @@
 """All figures of README and docs, recorded anew: `make figures`, or `--help`.
 
-Results go to `docs/figures/*.json`, and README and pages are made from those (`figure_text`).
+Results go to `docs/figures/*.json`, and README and pages are made from those (`pages`).
 """
 
 from __future__ import annotations
@@ -15,6 +15,12 @@ from typing import Any
 
 import click
 
+from ssgi_cl.bench import document, suite, summary
+from ssgi_cl.bench.options import device_option, meshes_option
+from ssgi_cl.bench.plot import require_plots
+from ssgi_cl.bench.scene_sets import MESH_VIEWS
+from ssgi_cl.bench.verdict import mark
+from ssgi_cl.bench.wording import revision
 from ssgi_cl.core.atomic import replacement
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.runtime import Runtime
@@ -22,15 +28,9 @@ from ssgi_cl.rasterize.scenes import BuiltinScene, is_scene
 from ssgi_cl.tuning.case import Case
 from ssgi_cl.tuning.context import TruthSettings
 from ssgi_cl.tuning.measured_scenes import MissingMeshError, views_of
-
-from . import document, figure_text, skips, suite, summary, summation
-from .figure_tables import VISIBILITY
-from .options import device_option, meshes_option
-from .plot import require_plots
-from .scene_sets import MESH_VIEWS
-from .skips import ROUNDS
-from .verdict import mark
-from .wording import revision
+from tools.figures import pages, skips, summation
+from tools.figures.skips import ROUNDS
+from tools.figures.tables import VISIBILITY
 
 QUICK: Size = (72, 96)
 QUICK_PATTERNS = 3
@@ -204,7 +204,7 @@ def record(
     made = {**stamp, "quick": quick, **suite.entries(found, truths, seconds)}
     if name == "benchmark":
         # Plots are those of the numbers as they are recorded.
-        again = json.loads(figure_text.compact(made))
+        again = json.loads(pages.compact(made))
         again["strips"] = summary.strips(again, found.pictures)
         written = summary.write(root / "docs/benchmark.md", again, found.pictures)
         for old in (root / "docs").glob("benchmark-*"):
@@ -250,12 +250,12 @@ def available(
 
 def write(root: Path, name: str, found: Mapping[str, Any]) -> None:
     """Write what was measured to the folder of recorded figures."""
-    folder = root / figure_text.FOLDER
+    folder = root / pages.FOLDER
     folder.mkdir(parents=True, exist_ok=True)
     text = (
-        figure_text.compact(found)
+        pages.compact(found)
         if "results" in found
-        else (json.dumps(figure_text.rounded(found), indent=1, ensure_ascii=False) + "\n")
+        else (json.dumps(pages.rounded(found), indent=1, ensure_ascii=False) + "\n")
     )
     with replacement(folder / f"{name}.json") as path:
         path.write_text(text, encoding="utf-8")
@@ -264,7 +264,7 @@ def write(root: Path, name: str, found: Mapping[str, Any]) -> None:
 def render(root: Path) -> list[str]:
     """Write README and all pages from what is recorded; return those that changed."""
     changed = []
-    for name, text in figure_text.pages(root).items():
+    for name, text in pages.pages(root).items():
         path = root / name
         if not path.exists() or path.read_text(encoding="utf-8") != text:
             with replacement(path) as target:
@@ -348,4 +348,4 @@ def main(
 
 
 if __name__ == "__main__":
-    main(prog_name="python -m ssgi_cl.bench.figures")
+    main(prog_name="python -m tools.figures")

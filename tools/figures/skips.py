@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from ssgi_cl.bench.cases.frame import MOVING
+from ssgi_cl.bench.wording import markdown
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light, SpotLight
 from ssgi_cl.core.scene import Material
@@ -26,8 +28,6 @@ from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, BuiltinScene
 from ssgi_cl.rasterize.scenes.generated import generated
 from ssgi_cl.rasterize.scenes.scatter import between, rotation
 from ssgi_cl.rasterize.scenes.shapes import box, mesh, quad
-
-from .wording import markdown
 
 SUN = DirectionalLight((-0.3, -1.0, -0.4), (3.0, 2.8, 2.5))
 SKY = Environment((0.4, 0.5, 0.7))
@@ -143,8 +143,6 @@ STEP = 1e-3
 
 ALL = "all"
 STILL = "all, still"
-MOVING = tuple(name for name in SKIPS if name != "unchanged")
-"""Skips of a frame that differs from the one before."""
 WITHOUT = {f"all but {name}": name for name in MOVING if name != "outputs"}
 """Columns of frames with all skips but one -> which. A picture needs
 everything that `outputs` could leave out."""

@@ -13,14 +13,16 @@ import pytest
 from click import ClickException
 from click.testing import CliRunner
 
-from ssgi_cl.bench import document, figure_tables, figure_text, figures, suite
+from ssgi_cl.bench import document, suite
 from ssgi_cl.bench.cases import FAMILIES
 from ssgi_cl.bench.verdict import mark, verdict
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, cornell_box
 from ssgi_cl.tuning.case import Case
+from tools.figures import __main__ as figures
+from tools.figures import pages, tables
 
-from .documents import entry, marked, path_points, spread, texts, whole
-from .test_verdict import check
+from ..bench.documents import entry, marked, path_points, spread, texts, whole
+from ..bench.test_verdict import check
 
 ROOT = Path(__file__).parents[2]
 
@@ -29,27 +31,28 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
-def pages() -> dict[str, str]:
+def made_pages() -> dict[str, str]:
     """Each page as the recorded figures make it."""
-    return figure_text.pages(ROOT)
+    return pages.pages(ROOT)
 
 
 @pytest.mark.parametrize("name", [*figures.PLANS, *figures.OTHERS])
 def test_recorded_figures_are_written_as_they_are_kept(tmp_path: Path, name: str) -> None:
-    kept = (ROOT / figure_text.FOLDER / f"{name}.json").read_text(encoding="utf-8")
+    kept = (ROOT / pages.FOLDER / f"{name}.json").read_text(encoding="utf-8")
     figures.write(tmp_path, name, json.loads(kept))
-    made = (tmp_path / figure_text.FOLDER / f"{name}.json").read_text(encoding="utf-8")
+    made = (tmp_path / pages.FOLDER / f"{name}.json").read_text(encoding="utf-8")
     assert made == kept
 
 
-@pytest.mark.parametrize("name", [*figure_text.BY_HAND, "docs/benchmark.md", "docs/skips.md", "docs/summation.md"])
-def test_pages_are_what_the_recorded_figures_make_of_them(pages: dict[str, str], name: str) -> None:
+@pytest.mark.parametrize("name", [*pages.BY_HAND, "docs/benchmark.md", "docs/skips.md", "docs/summation.md"])
+def test_pages_are_what_the_recorded_figures_make_of_them(made_pages: dict[str, str], name: str) -> None:
     text = (ROOT / name).read_text(encoding="utf-8")
-    assert text == pages[name], f"{name} differs from docs/figures: make figures-render"
+    assert text == made_pages[name], f"{name} differs from docs/figures: make figures-render"
 
 
+@pytest.mark.slow
 def test_plots_are_those_of_the_recorded_figures() -> None:
-    drawn = figure_text.plots(ROOT)
+    drawn = pages.plots(ROOT)
     assert drawn
     for name, text in drawn.items():
         kept, made = (ET.fromstring(svg) for svg in ((ROOT / "docs" / f"{name}.svg").read_text("utf-8"), text))
@@ -63,7 +66,7 @@ def test_plots_are_those_of_the_recorded_figures() -> None:
 
 @pytest.mark.parametrize("name", list(figures.PLANS))
 def test_no_published_verdict_contradicts_a_row(name: str) -> None:
-    found = figure_text.recorded(ROOT, name)
+    found = pages.recorded(ROOT, name)
     said = 0
     for results in document.groups(found["results"]).values():
         if not verdict(results):
@@ -75,17 +78,17 @@ def test_no_published_verdict_contradicts_a_row(name: str) -> None:
 
 @pytest.mark.parametrize("name", list(figures.PLANS))
 def test_marks_of_the_recorded_front_are_those_of_its_rows(name: str) -> None:
-    found = figure_text.recorded(ROOT, name)
+    found = pages.recorded(ROOT, name)
     before = [(r["front"], r["near"]) for r in found["results"]]
     mark(found["results"])
     assert [(r["front"], r["near"]) for r in found["results"]] == before
 
 
 def test_all_documents_are_of_one_revision_and_machine() -> None:
-    found = [figure_text.recorded(ROOT, name) for name in figures.PLANS]
+    found = [pages.recorded(ROOT, name) for name in figures.PLANS]
     assert len({document["revision"] for document in found}) == 1
     assert len({json.dumps(document["machine"]) for document in found}) == 1
-    rest = [figure_text.recorded(ROOT, name) for name in figures.OTHERS]
+    rest = [pages.recorded(ROOT, name) for name in figures.OTHERS]
     assert {one["revision"].partition(",")[0] for one in rest} == {found[0]["revision"]}
 
 
@@ -95,7 +98,7 @@ def test_bias_of_visibility_is_measured_on_all_built_in_scenes_and_views() -> No
     for patterns in scenes.values():
         cases = suite.select(patterns, ["cornell_box"], [(8, 6)])
         names = {f"{case.family}.{case.setting}" for case in cases}
-        assert names >= set(figure_tables.VISIBILITY)
+        assert names >= set(tables.VISIBILITY)
 
 
 # ---- how it is made
@@ -110,35 +113,35 @@ def test_a_page_that_differs_from_the_json_is_found(tmp_path: Path) -> None:
     for name in figures.PLANS:
         found = whole(entry("gtao.2x9.hall.8x6", 3.0, 0.07))
         figures.write(tmp_path, name, found)
-    blocks = figure_text.blocks(figure_text.recorded(tmp_path, "benchmark"), figure_text.recorded(tmp_path, "indirect"))
-    text = figure_text.filled((tmp_path / "README.md").read_text(encoding="utf-8"), blocks)
+    blocks = pages.blocks(pages.recorded(tmp_path, "benchmark"), pages.recorded(tmp_path, "indirect"))
+    text = pages.filled((tmp_path / "README.md").read_text(encoding="utf-8"), blocks)
     assert text.startswith("before\n<!-- figures:techniques -->\n| call |")
     assert text.endswith("<!-- end -->\nafter\n")
     assert "cosine-weighted |  | 3.00 | 0.0700 |\n|  |  | 2 layers | - | - |" in text
-    assert figure_text.filled(text, blocks) == text
+    assert pages.filled(text, blocks) == text
     assert "old" not in text
 
 
 def test_a_block_that_there_is_none_of_is_refused() -> None:
     with pytest.raises(ValueError, match="figures:nothing is unknown: expected one of a, b"):
-        figure_text.filled("<!-- figures:nothing -->\n<!-- end -->", {"a": "", "b": ""})
+        pages.filled("<!-- figures:nothing -->\n<!-- end -->", {"a": "", "b": ""})
 
 
 def test_compact_json_can_be_read_again_and_is_small(tmp_path: Path) -> None:
     found = whole(entry("a.1.hall.8x6", 1.23456789, 0.1), entry("b.1.hall.8x6", 2.0, None, unsteady="busy"))
-    (tmp_path / "found.json").write_text(figure_text.compact(found), encoding="utf-8")
+    (tmp_path / "found.json").write_text(pages.compact(found), encoding="utf-8")
     again = document.read(tmp_path / "found.json")
     assert again["results"][0]["wall_ms"]["median"] == 1.2346
     assert [r["unsteady"] for r in again["results"]] == ["", "busy"]
     assert "regions" not in again["results"][0]["errors"]["world"]
-    lines = figure_text.compact(found).splitlines()
+    lines = pages.compact(found).splitlines()
     assert sum('"name": "a.1.hall.8x6"' in line for line in lines) == 1
 
 
 def test_biases_are_per_cent_of_the_mean_with_their_sign() -> None:
     rows = [entry("vpl-visibility.4096.hall.8x6", rmse=0.1, quantity="bounce"), entry("gtao.2x9.hall.8x6", rmse=0.1)]
     rows[0]["errors"]["world"] |= {"mean": 0.5, "bias": -0.02}
-    lines = figure_tables.biases(rows, figure_tables.VISIBILITY).splitlines()
+    lines = tables.biases(rows, tables.VISIBILITY).splitlines()
     assert lines[2:] == ["| hall | -4 % | 20 % | - | - |"]
 
 
@@ -154,17 +157,17 @@ def test_speed_ups_name_the_best_alternative_and_the_plain_way() -> None:
         light("vpl-interleaved.1024", 5.0, 0.2),
         light("rsm-gather.400", 30.0, 0.104),
     ]
-    (line,) = (line for line in figure_tables.speed_ups(rows).splitlines() if line.startswith("| multires.10-permille"))
+    (line,) = (line for line in tables.speed_ups(rows).splitlines() if line.startswith("| multires.10-permille"))
     # The faster one errs more, so it is no alternative.
     assert line == (
         "| multires.10-permille | hall | 10.0 | rsm-gather.400, 30.0 ms | 3.00 | vpl-plain.1024, 80.0 ms | 8.00 |"
     )
-    assert figure_tables.best_alternative(rows[0], rows[3:4]) is None
+    assert tables.best_alternative(rows[0], rows[3:4]) is None
 
 
 def test_every_case_that_is_shown_is_planned() -> None:
-    shown = {name for _, _, cases in figure_tables.rows() for _, name in cases}
-    shown |= {name for case, plain, _ in figure_tables.SPEED_UPS for name in (case, plain)}
+    shown = {name for _, _, cases in tables.rows() for _, name in cases}
+    shown |= {name for case, plain, _ in tables.SPEED_UPS for name in (case, plain)}
     plan = figures.PLANS["benchmark"]
     names = {f"{case.family}.{case.setting}" for case in figures.chosen(plan, plan.size, {"hall": cornell_box()})}
     assert shown <= names
@@ -217,12 +220,12 @@ def test_progress_is_told_a_line_a_case(capsys: pytest.CaptureFixture[str]) -> N
 
 
 def test_rendering_writes_what_differs_and_nothing_else(tmp_path: Path) -> None:
-    for name in figure_text.pages(ROOT):
+    for name in pages.pages(ROOT):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_bytes((ROOT / name).read_bytes())
-    folder = tmp_path / figure_text.FOLDER
+    folder = tmp_path / pages.FOLDER
     folder.mkdir(parents=True)
-    for file in (ROOT / figure_text.FOLDER).glob("*.json"):
+    for file in (ROOT / pages.FOLDER).glob("*.json"):
         (folder / file.name).write_bytes(file.read_bytes())
     assert figures.render(tmp_path) == []
     path = folder / "benchmark.json"

@@ -11,11 +11,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from . import document, skips, summary, summation
-from .document import groups
-from .figure_tables import FAMILIES, PAGES, cases_of, indirect_blocks, parameter_blocks, speed_ups, techniques
-from .verdict import verdict
-from .wording import revision, title
+from ssgi_cl.bench import document, summary
+from ssgi_cl.bench.document import groups
+from ssgi_cl.bench.verdict import verdict
+from ssgi_cl.bench.wording import revision, title
+from tools.figures import skips, summation
+from tools.figures.tables import FAMILIES, PAGES, cases_of, indirect_blocks, parameter_blocks, speed_ups, techniques
 
 FOLDER = Path("docs/figures")
 """Of the recorded JSON, seen from the root of the checkout."""

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.bench.wording import markdown
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.lights import DirectionalLight
@@ -20,8 +21,6 @@ from ssgi_cl.reference.vpl.vpl_splat import vpl_splat_reference
 from ssgi_cl.techniques.multires.multires_splat import MultiresSplat, MultiresSplatParams
 from ssgi_cl.techniques.rsm.rsm_gather import rsm_gather
 from ssgi_cl.techniques.vpl.vpl_splat import VplSplat, VplSplatParams
-
-from .wording import markdown
 
 Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]

@@ -1,0 +1,1 @@
+"""Figures of README and docs: recorded by `make figures`, and the pages made from them."""

@@ -210,8 +210,8 @@ def page(document: Mapping[str, Any], stem: str) -> str:
         lines += ["", f"## {title(key)}", ""]
         if has_plot(results):
             lines += [f"![{title(key)}: error over time]({name}.svg)", ""]
-        said = verdict(results)
-        lines += [said, ""] if said else []
+        said = [f"- {each}" for each in verdict(results)]
+        lines += [*said, ""] if said else []
         lines += markdown(_HEAD, map(_row, results), "llrrrrrrrrrrl")
         if strip:
             case = strip.rsplit(".", 2)[0]

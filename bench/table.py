@@ -58,7 +58,7 @@ def show(document: Mapping[str, Any], console: Console) -> None:
         console.print()
         errors = unit(key[0]) and f", errors in{unit(key[0])}"
         console.print(_fitting(title(key) + errors, results, document, console))
-        if said := verdict(results):
+        for said in verdict(results):
             console.print(escape(said), highlight=False)
     for result in document["results"]:
         if result["unsteady"]:

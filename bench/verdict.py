@@ -91,24 +91,24 @@ MESHES: Mapping[str, tuple[str, ...]] = {
 """Knowledge of the mesh -> the other programs that can be used then."""
 
 
-def verdict(results: Sequence[Result]) -> str:
-    """Return what the results of one group say, in some sentences.
+def verdict(results: Sequence[Result]) -> list[str]:
+    """Return what the results of one group say, a statement each.
 
     One for each published setting; one for a mesh that does not move, and one for a mesh that
-    moves, each over the rows of this library and of such rays. "" where there is nothing of this
-    library, or nothing to compare it with.
+    moves, each over the rows of this library and of such rays. Empty where there is nothing of
+    this library, or nothing to compare it with.
     """
     rows = comparable(results)
     if not any(_own(row) for row in rows):
-        return ""
+        return []
     said = [_within(row, rows) for row in rows if row["family"] in PUBLISHED]
     for families, what in (
-        (STATIC, "the mesh does not move: its tree is built once and not counted"),
-        (MOVING, "the mesh moves: its tree is built in every frame and counted"),
+        (STATIC, "The mesh does not move (tree built once, not counted)"),
+        (MOVING, "The mesh moves (tree built in every frame, counted)"),
     ):
         if any(row["family"] in families for row in rows):
             said.append(_sides([r for r in rows if _own(r) or r["family"] in families], what))
-    return " ".join(said)
+    return said
 
 
 def leader(rows: Sequence[Result], ms: float) -> Any:
@@ -132,15 +132,15 @@ def _own(row: Result) -> bool:
 def _within(published: Result, rows: Sequence[Result]) -> str:
     """Return what else can be had in the time of a published setting."""
     best = leader(rows, clock(published)["median"])
-    said = f"{PUBLISHED[published['family']]} is {told(published)}"
+    said = f"{PUBLISHED[published['family']]}: {told(published)}. In that time"
     if best is published:
-        return f"{said}; no row has less error within that time."
+        return f"{said} no row has less error."
     tie = "; their times overlap" if overlap(best, published) else ""
-    return f"{said}; the least error within that time is that of {told(best)}{tie}."
+    return f"{said} {told(best)} has the least error{tie}."
 
 
 def _sides(rows: Sequence[Result], what: str) -> str:
-    """Return which side has the least error within which time.
+    """Return which side has the least error from which time on.
 
     Args:
         rows: of both sides, the fastest first; see `comparable`.
@@ -150,11 +150,10 @@ def _sides(rows: Sequence[Result], what: str) -> str:
     runs = [list(run) for _, run in groupby(front, key=_own)]
     parts = []
     for run in runs:
+        last = f" to {told(run[-1])}" if len(run) > 1 else ""
         side = OWN if _own(run[0]) else RAYS
-        start = number(clock(run[0])["median"])
-        last = f", down to {told(run[-1])}" if len(run) > 1 else ""
-        parts.append(f"from {start} ms on {side} with {told(run[0])}{last}")
-    said = f"Where {what}, the least error within a time is that of: {'; then '.join(parts)}."
+        parts.append(f"{side} from {number(clock(run[0])['median'])} ms on, {told(run[0])}{last}")
+    said = f"{what}. Least error: {'; then '.join(parts)}."
     pairs = _uncertain(rows, runs)
     if pairs:
         said += f" Their times overlap, so that their order is not certain: {'; '.join(pairs)}."

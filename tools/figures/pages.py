@@ -74,13 +74,13 @@ def machine(found: Mapping[str, Any]) -> str:
 
 
 def verdicts(found: Mapping[str, Any], quantities: Sequence[str], scenes: Sequence[str] | None) -> str:
-    """Return what the rows of groups say, a point each; of all scenes, or of some."""
+    """Return what the rows of groups say, a list for each group; of all scenes, or of some."""
     lines = [
-        f"- {title(key)}. {said}"
+        "\n".join((f"{title(key)}:\n", *(f"- {each}" for each in said), ""))
         for key, results in groups(found["results"]).items()
         if key[0] in quantities and (scenes is None or key[1] in scenes) and (said := verdict(results))
     ]
-    return "\n".join(lines)
+    return "\n".join(lines).rstrip()
 
 
 BY_HAND = ("README.md", "docs/results.md", "docs/indirect.md", *(f"docs/techniques/{name}.md" for name in PAGES))

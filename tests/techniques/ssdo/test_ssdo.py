@@ -100,6 +100,16 @@ def test_bent_normals_are_those_of_gtao_if_slices_are_many(runtime: Runtime, cor
     assert float(np.sum(bent * one.inner(np.asarray(one.normal)), axis=-1).mean()) < 0.99
 
 
+def test_the_published_method_reads_no_thickness(runtime: Runtime, corner: GBuffer) -> None:
+    thick = replace(corner, thickness=np.full(np.shape(corner.depth)[1:], 0.3, np.float32))
+    for views in ([], [thick]):
+        plain, found = (
+            ssdo(gbuffer, [SKY, LAMP], method="published", auxiliary_views=views, runtime=runtime)
+            for gbuffer in (corner, thick)
+        )
+        np.testing.assert_array_equal(found, plain)
+
+
 def test_lights_shine_as_they_do_in_shading(variant_runtime: Runtime, corner: GBuffer) -> None:
     lights = [LAMP, SUN]
     options: dict[str, Any] = {"runtime": variant_runtime, "shadow_taps": 0}

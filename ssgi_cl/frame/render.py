@@ -53,8 +53,8 @@ def render(
     between surfaces until it converges (`Radiosity`), and `multires_splat` gathers it. Surfaces
     within two cells of the occupancy grid block sky and reflected light as ambient occlusion.
     Glossy surfaces reflect lights, surfaces and environments within their lobes (`Reflections`);
-    with `bounces` 0 and with `indirect`, their lobes count as albedo.
-    Results that depend on scene and lights alone are kept from frame to frame.
+    with `bounces` 0 and with `indirect`, their lobes count as albedo. Results that depend on scene
+    and lights alone are kept from frame to frame.
 
     Args:
         scene: surfaces and their materials, such as `rasterize.load_scene` returns.
@@ -74,41 +74,34 @@ def render(
             a new camera that takes a depth map of 96 x 72 pixels.
         ao_samples: points per pixel of "ssao", and of no other, 1 to 256; by default 16.
         multi_bounce: whether AO is brightened by what surfaces reflect, see `multi_bounce`.
-        indirect: one technique that reflects light once, in place of all bounces. That of all
-            punctual lights: "multires" (`multires_splat`, the fastest), "vpl" (`vpl_splat`),
-            "gather" (`rsm_gather`; nothing blocks it); all triangles of the scene, seen or not,
-            block that of the first two. That of punctual lights and environments by surfaces
-            within `ao_radius`: "ssdo" (`ssdo`, which hides the light of environments too, so `ao`
-            is not needed). What surfaces emit is then seen and lights nothing. True for
-            "multires", False for none; None: as `bounces` says.
+        indirect: one technique that reflects light once, in place of all bounces; emission is then
+            seen and lights nothing. Of punctual lights: "multires" (`multires_splat`, the fastest)
+            and "vpl" (`vpl_splat`), blocked by all triangles of the scene, and "gather"
+            (`rsm_gather`, blocked by nothing). Of environments too, by surfaces within `ao_radius`:
+            "ssdo", which needs no `ao`. True for "multires", False for none; None: as `bounces` says.
         method: method of the technique in `indirect`: one of `multires_splat`, `rsm_gather` or
             `ssdo`, such as "published"; None for the default. "multires" as published has no
             visibility.
         vpls: virtual point lights of "multires" and "vpl" in all, 1 to 2^24.
         glossy_vpls: more lights of "vpl" for what glossy surfaces mirror, 0 to 2^24.
-        indirect_ao: whether A dims the light of "multires", "vpl" and "gather" too, in place of
-            visibility; `Frame.indirect` is not dimmed.
+        indirect_ao: whether AO dims "multires", "vpl" and "gather" too; not `Frame.indirect`.
         layers: depth layers of the G-buffer, 1 to 16.
         overscan: margin of the G-buffer on every side, a share of the image's size in [0, 1].
-        auxiliary_cameras: cameras of half the size that show "ssdo" what the camera misses, 0 to
-            64, up to half of them at spot and directional lights, the others where
-            `auxiliary_cameras` says.
+        auxiliary_cameras: views of half the size of what the camera misses, for "ssdo", 0 to 64; up
+            to half of them at spot and directional lights, see `auxiliary_cameras`.
         shadow_size: texels along the side of each shadow map, 16 to 8192.
-        rsm_size: at most so many of them along a side, 16 to 8192, are what reflected light is
-            chosen from: all, or every second, third and so on.
+        rsm_size: texels along a side that reflected light is chosen from, at most, 16 to 8192.
         exposure: factor before the tone curve; by default the log-average luminance becomes 0.18.
         curve: "filmic" or "clip".
         gbuffer: whether the frame holds the G-buffer too.
-        outputs: names of what the frame is to hold: "image", "radiance", "ao", "indirect" and
-            "gbuffer". Passes that they do not need are left out. By default image and radiance,
-            and AO and indirect light where the image needs them.
+        outputs: of "image", "radiance", "ao", "indirect" and "gbuffer"; passes for others are left
+            out. By default image and radiance, and AO and indirect light where the image needs them.
         skips: work that may be left out where it has no effect: True for all, False for none, or
             names from `ssgi_cl.frame.skips.SKIPS`. No bit of any output depends on it.
         runtime: the device; by default the fastest found.
 
     Returns:
-        The picture, its radiance, AO, indirect light and G-buffer if asked for, and the table of
-        passes.
+        The outputs and the table of passes.
 
     Raises:
         TypeError, ValueError: an argument of the wrong type or out of range.

@@ -30,11 +30,18 @@ OTHER_ROWS: Mapping[str, Row] = {
         (("1 layer", "gbuffer.1"), ("4 layers", "gbuffer.4")),
     ),
     "rasterize.rsm": ("reflective shadow map: depth, position, normal, flux", (("512 x 512", "rsm.512"),)),
-    "shadow_maps": ("the shadow map of each light", ()),
+    "shadow_maps": ("the shadow map of each light", (("one light, 1024 texels", "rsm.1024"),)),
     "blended_layers": ("surfaces that are seen through, in layers", (("4 layers", "blended-layers.4"),)),
     "ray_ao": ("ambient occlusion by Embree rays against the mesh: the reference", ()),
     "multi_bounce": ("AO corrected for light that surrounding surfaces reflect", ()),
-    "render": ("the whole frame with `ssao`, shadow maps included", (("", "frame-ssao.16"),)),
+    "render": (
+        "the whole picture",
+        (
+            ("the camera moves", "frame.default"),
+            ("the first frame", "frame-first.default"),
+            ("direct light with `ssao`", "frame-ssao.16"),
+        ),
+    ),
 }
 """Rows of README's table that are of no technique of the catalogue."""
 

@@ -35,7 +35,7 @@ OTHER_ROWS: Mapping[str, Row] = {
     "ray_ao": ("ambient occlusion by Embree rays against the mesh: the reference", ()),
     "multi_bounce": ("AO corrected for light that surrounding surfaces reflect", ()),
     "render": (
-        "the whole picture",
+        "the whole picture; FLIP in place of RMSE",
         (
             ("the camera moves", "frame.default"),
             ("the first frame", "frame-first.default"),

@@ -286,8 +286,8 @@ def page(found: Mapping[str, Any]) -> str:
         f"all; `all but ...` lacks one; `{ALONE}` has all and asks for ambient occlusion only. Every image is "
         "bit-identical to that of `none`.",
         "",
-        "A skip stays if, over at least eight scenes, it wins where it leaves something out (`all` is faster there than "
-        "all but that skip) and costs no more than the run-to-run range elsewhere.",
+        "A skip stays if, over at least eight scenes, it wins where it leaves something out (`all` is faster there "
+        "than all but that skip) and costs no more than the run-to-run range elsewhere.",
         "",
         f"Device: {found['device']}. Revision {found.get('revision') or 'unknown'}." + found.get("note", ""),
         "",

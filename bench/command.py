@@ -30,6 +30,7 @@ from .options import (
     output_option,
     own_option,
     progress_bar,
+    seconds_option,
 )
 from .plot import require_plots
 from .verdict import mark
@@ -90,13 +91,7 @@ def _takes_cases(command: F) -> F:
 @_takes_cases
 @click.option("--lanes", type=int, help="Force 1, 8 or 16 lanes.")
 @click.option("--storage", type=click.Choice(["buffer", "image"]), help="Force what kernels read.")
-@click.option(
-    "--seconds",
-    default=1.0,
-    show_default=True,
-    type=click.FloatRange(0.01, 600.0),
-    help="How long each case is repeated.",
-)
+@seconds_option(1.0, most=600.0)
 @click.option("--no-errors", is_flag=True, help="Measure times only.")
 @own_option
 @output_option

@@ -26,6 +26,7 @@ __all__ = [
     "output_option",
     "own_option",
     "progress_bar",
+    "seconds_option",
 ]
 
 
@@ -54,6 +55,17 @@ meshes_option = click.option(
 
 output_option = click.option("-o", "--output", type=click.Path(path_type=Path), help="Write the results, .json.")
 own_option = click.option("--own", is_flag=True, help="Leave out what other programs do.")
+
+
+def seconds_option(default: float, most: float = 60.0) -> Callable[[Any], Any]:
+    """Return the option `--seconds`, up to `most`."""
+    return click.option(
+        "--seconds",
+        default=default,
+        show_default=True,
+        type=click.FloatRange(0.01, most),
+        help="How long each case is repeated.",
+    )
 
 
 def check_output(path: Path | None, suffix: str) -> None:

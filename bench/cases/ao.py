@@ -1,4 +1,4 @@
-"""Ambient occlusion: SSAO, the setting of a lecture, bent normals, and the floor of depth layers."""
+"""Ambient occlusion: SSAO, HBAO as published, bent normals, and the floor of depth layers."""
 
 from __future__ import annotations
 
@@ -73,10 +73,10 @@ def ssao_subject(context: Context, params: SsaoParams) -> Subject:
 
 
 def lecture(context: Context, setting: str) -> Subject:
-    """Make HBAO with the setting of the lecture that made it known ready (Bavoil and Sainz 2008).
+    """Make HBAO with the setting of its publication ready (Bavoil and Sainz 2008).
 
     6 directions of 6 steps at half size, blurred with 15 x 15 pixels at full size. The case gives
-    the size; the lecture's was 1600 x 1200.
+    the size; that of the publication was 1600 x 1200.
     """
     checks.choice("setting", setting, (LECTURE,))
     params = HbaoParams(

@@ -10,7 +10,7 @@ from typing import Any
 import click
 import numpy as np
 
-from ssgi_cl.bench.options import device_option, json_option
+from ssgi_cl.bench.options import device_option, json_option, seconds_option
 from ssgi_cl.bench.wording import number
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.runtime import Runtime
@@ -113,9 +113,7 @@ def table(found: Sequence[Cost]) -> str:
     "--technique", "names", multiple=True, type=click.Choice(list(TECHNIQUES)), help="Several times; all without."
 )
 @device_option
-@click.option(
-    "--seconds", default=1.0, show_default=True, type=click.FloatRange(0.01, 60.0), help="How long each is repeated."
-)
+@seconds_option(1.0)
 @json_option
 def main(scene: str, names: tuple[str, ...], device: str | None, seconds: float, as_json: bool) -> None:
     """Print what a pixel-sample costs, blur included: by size of the image, and by radius."""

@@ -16,7 +16,7 @@ from typing import Any
 import click
 
 from ssgi_cl.bench import document, suite, summary
-from ssgi_cl.bench.options import device_option, meshes_option
+from ssgi_cl.bench.options import device_option, meshes_option, seconds_option
 from ssgi_cl.bench.plot import require_plots
 from ssgi_cl.bench.scene_sets import MESH_VIEWS
 from ssgi_cl.bench.verdict import mark
@@ -297,13 +297,7 @@ def check_tree(stamp: Mapping[str, Any], *, allow_dirty: bool) -> None:
 )
 @meshes_option
 @device_option
-@click.option(
-    "--seconds",
-    default=0.3,
-    show_default=True,
-    type=click.FloatRange(0.01, 60.0),
-    help="How long each case is repeated.",
-)
+@seconds_option(0.3)
 @click.option("--keep-truths", is_flag=True, help="Use references that were made before.")
 @click.option("--quick", is_flag=True, help="Try it: a tiny size and few rays.")
 @click.option("--allow-dirty", is_flag=True, help="Record though files differ from the revision.")

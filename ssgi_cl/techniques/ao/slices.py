@@ -18,7 +18,7 @@ from ssgi_cl.device.constants import SLICES_GROUP, SLICES_STRIP
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.device.structs import CAMERA, Struct, floats
+from ssgi_cl.device.structs import CAMERA, Struct, floats, ints
 from ssgi_cl.device.transient import ImageParts, Target
 from ssgi_cl.techniques.ao.occlusion import RESOLUTIONS, OcclusionKeywords, OcclusionParams, OcclusionTechnique
 from ssgi_cl.techniques.filters.upsample import coarse_size
@@ -30,7 +30,7 @@ SLICES = Struct(
         *floats("radius", "ortho_unit", "unit_px", "most_px", "bias", "depth_bias", "contrast"),
         *floats("thickness", "slack", "falloff_scale", "thin"),
         *floats("attenuation", "bias_cos", "bias_sin"),
-        *((name, "int") for name in ("margin_left", "margin_right", "margin_top", "margin_bottom", "stride", "lead")),
+        *ints("margin_left", "margin_right", "margin_top", "margin_bottom", "stride", "lead"),
     ),
 )
 

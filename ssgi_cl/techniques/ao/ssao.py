@@ -18,7 +18,7 @@ from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import Plane
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime, serialised
-from ssgi_cl.device.structs import CAMERA, Struct, floats
+from ssgi_cl.device.structs import CAMERA, Struct, floats, ints
 from ssgi_cl.techniques.ao.occlusion import OcclusionKeywords, OcclusionParams, OcclusionTechnique, made_for
 from ssgi_cl.techniques.source import Source, border_values, check_size
 from ssgi_cl.techniques.technique import Bench, Technique
@@ -30,7 +30,7 @@ SSAO = Struct(
         *floats("most_px", "samples_per_px", "fewest", "bias", "depth_bias"),
         *floats("rate", "none_at", "ramp_scale", "power", "curve_end", "curve_scale"),
         *floats("contrast", "border_depth"),
-        *((name, "int") for name in ("margin_left", "margin_right", "margin_top", "margin_bottom")),
+        *ints("margin_left", "margin_right", "margin_top", "margin_bottom"),
     ),
 )
 

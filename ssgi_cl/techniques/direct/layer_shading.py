@@ -13,7 +13,7 @@ from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.device.structs import ROTATION, Struct, floats, rotation_values
+from ssgi_cl.device.structs import ROTATION, Struct, floats, ints, rotation_values
 from ssgi_cl.device.transient import ImageParts, TransientPlane
 from ssgi_cl.techniques.direct.ambient import Ambient
 from ssgi_cl.techniques.direct.light_data import PunctualLights, ShadowMap
@@ -23,8 +23,7 @@ LIT = Struct(
     "LitParams",
     (
         *floats(*ROTATION, "facing"),
-        *((n, "int") for n in ("layer", "image", "margin_columns", "margin_rows")),
-        *((n, "int") for n in ("open_columns", "open_rows")),
+        *ints("layer", "image", "margin_columns", "margin_rows", "open_columns", "open_rows"),
     ),
 )
 

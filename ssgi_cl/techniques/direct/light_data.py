@@ -15,7 +15,7 @@ from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, camera_values, floats, rotation_values
+from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, camera_values, floats, ints, rotation_values
 from ssgi_cl.device.transient import Target
 from ssgi_cl.techniques.direct.shadow_fit import CROP_VALUES, Crop
 from ssgi_cl.techniques.source import camera_of, margin_values
@@ -34,8 +34,7 @@ LIGHT = Struct(
         *floats("direction_x", "direction_y", "direction_z"),
         *floats("least_cosine", "facing", "red", "green", "blue", "extent"),
         *floats(*ROTATION, "shift_x", "shift_y", "shift_z"),
-        *((n, "int") for n in ("map_size", "margin_columns", "margin_rows", "layer")),
-        *((n, "int") for n in ("blocks", "crops", "facets")),
+        *ints("map_size", "margin_columns", "margin_rows", "layer", "blocks", "crops", "facets"),
     ),
 )
 

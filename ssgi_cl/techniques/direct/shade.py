@@ -17,7 +17,7 @@ from ssgi_cl.device.active_region import PreviousRegion, Region
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
-from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, floats, rotation_values
+from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, floats, ints, rotation_values
 from ssgi_cl.techniques.direct.ambient import Ambient
 from ssgi_cl.techniques.direct.light_data import PunctualLights, ShadowMap
 from ssgi_cl.techniques.direct.shadow_maps import checked_lights, uploaded_maps
@@ -25,8 +25,7 @@ from ssgi_cl.techniques.source import camera_of, margin_values
 from ssgi_cl.techniques.technique import Bench, Technique
 
 COMBINE = Struct(
-    "CombineParams",
-    (*floats(*ROTATION), *((n, "int") for n in ("sky_columns", "sky_rows", "margin_columns", "margin_rows"))),
+    "CombineParams", (*floats(*ROTATION), *ints("sky_columns", "sky_rows", "margin_columns", "margin_rows"))
 )
 
 

@@ -26,8 +26,6 @@ BLUR = Struct("BlurParams", (*floats("depth_scale", "normal_scale"), ("margin_co
 FIT_POWER = 4
 """The weight of a sample is its fit to the surface to this power; see common/surface.clh."""
 
-SHAPES = ("rows", "columns", "square")
-
 
 @dataclass(frozen=True, kw_only=True)
 class BilateralParams(Params):

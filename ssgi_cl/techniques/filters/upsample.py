@@ -17,7 +17,7 @@ from ssgi_cl.device.active_region import PreviousRegion, Region
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
-from ssgi_cl.device.structs import CAMERA, Struct, floats
+from ssgi_cl.device.structs import CAMERA, Struct, floats, ints
 from ssgi_cl.device.transient import Target
 from ssgi_cl.techniques.filters.bilateral import BilateralParams, image_planes, plane_image
 from ssgi_cl.techniques.source import Source, margin_values
@@ -26,7 +26,7 @@ from ssgi_cl.techniques.technique import Bench, Technique
 UPSAMPLE = Struct(
     "UpsampleParams",
     (
-        *((name, "int") for name in ("margin_columns", "margin_rows", "coarse_columns", "coarse_rows")),
+        *ints("margin_columns", "margin_rows", "coarse_columns", "coarse_rows"),
         *floats("depth_scale", "normal_scale", "background"),
     ),
 )

@@ -16,14 +16,14 @@ from ssgi_cl.device.constants import MULTIRES_CHUNK, MULTIRES_TILE
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.device.structs import CAMERA, Struct, floats
+from ssgi_cl.device.structs import CAMERA, Struct, floats, ints
 from ssgi_cl.techniques.vpl.vpl_light import camera_of
 
 MULTIRES = Struct(
     "MultiresParams",
     (
         *floats("scale", "depth_scale", "normal_scale", "begins", "ends", "no_second_difference", "beyond"),
-        *((name, "int") for name in ("margin_columns", "margin_rows")),
+        *ints("margin_columns", "margin_rows"),
     ),
 )
 TILE, CHUNK = MULTIRES_TILE, MULTIRES_CHUNK

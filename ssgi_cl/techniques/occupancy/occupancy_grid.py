@@ -16,10 +16,10 @@ from ssgi_cl.device.constants import OCCUPANCY_BLOCK, VPL_BOX
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.device.structs import CAMERA, Struct, floats
+from ssgi_cl.device.structs import CAMERA, Struct, floats, ints
 from ssgi_cl.rasterize.raster.device_scene import DeviceScene
 
-OCCUPANCY = Struct("OccupancyParams", (*floats("lift"), *((n, "int") for n in ("boxes", "segments", "stride"))))
+OCCUPANCY = Struct("OccupancyParams", (*floats("lift"), *ints("boxes", "segments", "stride")))
 TO_VIEW = Struct("ToViewParams", floats("xx", "xy", "xz", "x", "yx", "yy", "yz", "y", "zx", "zy", "zz", "z"))
 """Rows of a matrix to view space."""
 GRIDS = (32, 64, 128, 256)

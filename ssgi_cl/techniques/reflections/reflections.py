@@ -17,7 +17,7 @@ from ssgi_cl.core.scene import Scene, box_corners
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
-from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, floats, rotation_values
+from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, floats, ints, rotation_values
 from ssgi_cl.device.transient import Target
 from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.techniques.direct.light_data import BRIGHTEST, PunctualLights, ShadowMap
@@ -35,7 +35,7 @@ REFLECT = Struct(
     (
         *floats(*ROTATION, "reach", "thick", "texels_per_angle"),
         *floats("per_unit", "per_cell", "cell_x", "cell_y", "cell_z"),
-        *((n, "int") for n in ("levels", "margin_columns", "margin_rows")),
+        *ints("levels", "margin_columns", "margin_rows"),
     ),
 )
 

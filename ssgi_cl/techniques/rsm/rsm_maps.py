@@ -15,7 +15,7 @@ from ssgi_cl.device.arrays import DeviceArray, Plane, Size
 from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, camera_values, floats, rotation_values
+from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, camera_values, floats, ints, rotation_values
 from ssgi_cl.techniques.multires.multires_grid import Level
 from ssgi_cl.techniques.rsm.rsm_samples import (
     FluxSamples,
@@ -28,11 +28,7 @@ from ssgi_cl.techniques.rsm.rsm_samples import (
 from ssgi_cl.techniques.source import Source, margin_values
 
 GATHER = Struct(
-    "RsmGatherParams",
-    (
-        *floats(*ROTATION, "x", "y", "z"),
-        *((name, "int") for name in ("margin_columns", "margin_rows", "samples", "add")),
-    ),
+    "RsmGatherParams", (*floats(*ROTATION, "x", "y", "z"), *ints("margin_columns", "margin_rows", "samples", "add"))
 )
 MAP = Struct("RsmMapParams", (*floats(*ROTATION, "radius", "density", "offset"), ("columns", "int"), ("rows", "int")))
 

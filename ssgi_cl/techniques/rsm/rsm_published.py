@@ -11,15 +11,14 @@ from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.params import Params, param
 from ssgi_cl.device.arrays import Plane
 from ssgi_cl.device.gbuffer import DeviceGBuffer
-from ssgi_cl.device.structs import CAMERA, Struct, floats
+from ssgi_cl.device.structs import CAMERA, Struct, floats, ints
 from ssgi_cl.techniques.multires.multires_grid import TILE, Level
 from ssgi_cl.techniques.rsm.rsm_maps import MapSampling
 from ssgi_cl.techniques.rsm.rsm_technique import RsmTechnique
 from ssgi_cl.techniques.source import margin_values
 
 INTERPOLATE = Struct(
-    "RsmInterpolateParams",
-    (*floats("reach", "cosine"), *((name, "int") for name in ("margin_columns", "margin_rows", "step"))),
+    "RsmInterpolateParams", (*floats("reach", "cosine"), *ints("margin_columns", "margin_rows", "step"))
 )
 
 

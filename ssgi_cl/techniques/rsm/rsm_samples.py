@@ -13,11 +13,11 @@ from ssgi_cl.device.arrays import DeviceArray, Size
 from ssgi_cl.device.constants import RSM_RECORD
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.device.structs import Struct
+from ssgi_cl.device.structs import Struct, ints
 
 Doubles = NDArray[np.float64]
 
-SUMS = Struct("RsmSumsParams", tuple((name, "int") for name in ("from", "to", "columns", "rows")))
+SUMS = Struct("RsmSumsParams", ints("from", "to", "columns", "rows"))
 
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 """Of a turn: the step of angle that spreads any number of points evenly."""

@@ -17,7 +17,7 @@ from ssgi_cl.core.params import Prepared
 from ssgi_cl.device.arrays import Plane, Size, plane_bytes
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
-from ssgi_cl.device.structs import Struct, floats
+from ssgi_cl.device.structs import Struct, floats, ints
 from ssgi_cl.device.transient import Target
 from ssgi_cl.techniques.ao.bent_normals import BentNormals
 from ssgi_cl.techniques.ao.occlusion import RESOLUTIONS
@@ -41,10 +41,7 @@ from ssgi_cl.techniques.technique import Bench, Technique
 
 SPLIT = Struct(
     "SplitParams",
-    (
-        *floats("red", "green", "blue"),
-        *((n, "int") for n in ("margin_columns", "margin_rows", "lights_columns", "lights_rows")),
-    ),
+    (*floats("red", "green", "blue"), *ints("margin_columns", "margin_rows", "lights_columns", "lights_rows")),
 )
 
 

@@ -23,7 +23,7 @@ from ssgi_cl.core.sampling import DEPTH_BIAS, TILE_ORDER, r_points
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size, plane_shape
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.device.structs import CAMERA, Struct, floats
+from ssgi_cl.device.structs import CAMERA, Struct, floats, ints
 from ssgi_cl.techniques.direct.layer_shading import SenderRecords
 from ssgi_cl.techniques.filters.upsample import coarse_size
 from ssgi_cl.techniques.source import Source
@@ -34,7 +34,7 @@ POINTS = Struct(
     "PointsParams",
     (
         *floats("radius", "most_px", "bias", "depth_bias", "thickness", "area", "nearest_square"),
-        *((n, "int") for n in ("columns", "rows", "margin_columns", "margin_rows")),
+        *ints("columns", "rows", "margin_columns", "margin_rows"),
     ),
 )
 

@@ -21,7 +21,7 @@ from ssgi_cl.core.params import Params, param
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, floats
+from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, floats, ints
 from ssgi_cl.techniques.ao.slices import SliceParams, pattern
 from ssgi_cl.techniques.direct.layer_shading import SenderRecords
 from ssgi_cl.techniques.source import Source
@@ -52,7 +52,7 @@ VIEWS = Struct(
     "ViewsParams",
     (
         *floats("radius", "most_px", "bias", "depth_bias", "nearest", *TRANSFORM, *EDGES),
-        *((name, "int") for name in ("columns", "rows", "margin_left", "margin_right", "margin_top", "margin_bottom")),
+        *ints("columns", "rows", "margin_left", "margin_right", "margin_top", "margin_bottom"),
     ),
 )
 

@@ -13,15 +13,15 @@ from ssgi_cl.device.arrays import DeviceArray, Plane, Size
 from ssgi_cl.device.constants import VPL_BLOCK_RUNS, VPL_RUN, VPL_SUMS
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.device.structs import Struct, floats
+from ssgi_cl.device.structs import Struct, floats, ints
 
 Doubles = NDArray[np.float64]
 
 CURVE = Struct(
     "VplCurveParams",
     (
-        *((n, "int") for n in ("face_runs", "faces", "face_rows", "map_runs", "first_run")),
-        *((n, "int") for n in ("runs", "blocks", "lights", "split", "count", "stride")),
+        *ints("face_runs", "faces", "face_rows", "map_runs", "first_run"),
+        *ints("runs", "blocks", "lights", "split", "count", "stride"),
         *floats("x", "y", "z"),
     ),
 )

@@ -15,7 +15,7 @@ from ssgi_cl.device.arrays import DeviceArray, Size
 from ssgi_cl.device.constants import VPL_BOUNDS, VPL_LIGHT, VPL_LOBE_BOUNDS, VPL_LOBE_LIGHT
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.device.structs import ROTATION, Struct, floats, rotation_values
+from ssgi_cl.device.structs import ROTATION, Struct, floats, ints, rotation_values
 from ssgi_cl.techniques.vpl.flux_curve import FluxCurve, curve_key
 from ssgi_cl.techniques.vpl.vpl_choice import ChosenVpls
 from ssgi_cl.techniques.vpl.world_vpls import WorldVpls
@@ -26,16 +26,14 @@ VPL = Struct(
     "VplParams",
     (
         *floats("per_unit", "gain", "cutoff", "lobe_centre", "lobe_squared", "refine"),
-        *((n, "int") for n in ("segment", "count", "stride", "span", "capacity", "near_capacity")),
-        *((n, "int") for n in ("margin_columns", "margin_rows")),
+        *ints("segment", "count", "stride", "span", "capacity", "near_capacity", "margin_columns", "margin_rows"),
     ),
 )
 PLACE = Struct(
     "VplPlaceParams",
     (
         *floats(*ROTATION, "x", "y", "z", "per_unit", "per_brightest"),
-        *((n, "int") for n in ("lights", "split", "batch", "subsets", "stride", "span")),
-        *((n, "int") for n in ("edge_stride", "place_stride")),
+        *ints("lights", "split", "batch", "subsets", "stride", "span", "edge_stride", "place_stride"),
     ),
 )
 

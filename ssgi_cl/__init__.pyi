@@ -2,6 +2,7 @@
 from . import rasterize as rasterize
 from . import truth as truth
 from .core.camera import Camera as Camera
+from .core.errors import AssumedWarning as AssumedWarning
 from .core.errors import DeviceError as DeviceError
 from .core.errors import KernelBuildError as KernelBuildError
 from .core.errors import KernelSourceError as KernelSourceError
@@ -11,11 +12,13 @@ from .core.errors import SsgiError as SsgiError
 from .core.errors import TruthError as TruthError
 from .core.gbuffer import GBuffer as GBuffer
 from .core.gbuffer import ReflectiveShadowMap as ReflectiveShadowMap
+from .core.gbuffer_batch import GBufferBatch as GBufferBatch
 from .core.lights import DirectionalLight as DirectionalLight
 from .core.lights import Environment as Environment
 from .core.lights import Light as Light
 from .core.lights import PointLight as PointLight
 from .core.lights import SpotLight as SpotLight
+from .core.normal_space import UnclearSpaceError as UnclearSpaceError
 from .core.scene import Material as Material
 from .core.scene import Scene as Scene
 from .core.suns import split_suns as split_suns

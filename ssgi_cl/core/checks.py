@@ -10,6 +10,7 @@ from typing import Any, TypedDict, Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ssgi_cl.core.array_kinds import host_array
 from ssgi_cl.core.errors import shown
 
 
@@ -188,7 +189,7 @@ def values_in_range(
 
 def as_array(name: str, value: ArrayLike) -> NDArray[Any]:
     """Return `value` as an array; raise ValueError for a masked array, as `unmasked`."""
-    return np.asarray(unmasked(name, value))
+    return host_array(unmasked(name, value))
 
 
 def unmasked(name: str, value: ArrayLike) -> ArrayLike:

@@ -47,3 +47,7 @@ class MissingExtraError(SsgiError, ImportError):
 
 class TruthError(SsgiError):
     """A kept truth is damaged or is not the one asked for; the message names the file."""
+
+
+class AssumedWarning(UserWarning):
+    """Something that the caller did not say was assumed; the message says what, and how to say it."""

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from copy import copy
 from dataclasses import dataclass, field
-from typing import Any, Literal, Self, Unpack
+from typing import TYPE_CHECKING, Any, Literal, Self, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core import checks
+from ssgi_cl.core.array_kinds import ArrayKind, array_kind
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.formats import files
 from ssgi_cl.core.immutable import Immutable, frozen
 from ssgi_cl.core.lights import PunctualLight
+
+if TYPE_CHECKING:
+    from ssgi_cl.core.gbuffer_batch import GBufferBatch
 
 Floats = NDArray[np.float32]
 
@@ -65,6 +70,11 @@ class GBuffer:
         nan: "refuse" raises ValueError for NaN; "hole" takes a NaN depth for +inf, nothing there
             (in all deeper layers too), and NaN elsewhere for 0, which for normals means that they
             are reconstructed from depth.
+        notes: what was assumed or found of the arrays, in words.
+        array_kind: kind of array that `depth` was and that results are; None: numpy.
+
+    Arrays may be of any library: whatever has `__dlpack__`, `__array__` or the buffer protocol.
+    Results are of the kind of `depth`, float32, and on its device.
 
     Raises:
         TypeError: an array is not of real numbers.
@@ -81,12 +91,15 @@ class GBuffer:
     gloss: ArrayLike | None = None
     thickness: ArrayLike | None = None
     nan: Literal["refuse", "hole"] = "refuse"
+    notes: tuple[str, ...] = ()
     margin: tuple[int, int] = field(init=False)
     """(rows, columns) by which the arrays exceed the camera's image on every side."""
+    array_kind: ArrayKind | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
         if not isinstance(self.camera, Camera):
             raise TypeError(f"camera is {self.camera!r}: expected an ssgi_cl.Camera")
+        object.__setattr__(self, "array_kind", array_kind(self.depth))
         if checks.choice("nan", self.nan, NAN) == "hole":
             self._fill_nan()
         depth = _layered("depth", _limited(self.depth), 0, unit="scene units", low=0.0, above=True, infinite=True)
@@ -159,6 +172,90 @@ class GBuffer:
         rows, columns = self.margin
         return array[rows : array.shape[0] - rows, columns : array.shape[1] - columns]
 
+    def of_kind(self, value: Any) -> Self:
+        """Return a G-buffer of the same arrays whose results are arrays of the kind of `value`."""
+        other = copy(self)
+        object.__setattr__(other, "array_kind", array_kind(value))
+        return other
+
+    @classmethod
+    def from_depth(
+        cls,
+        depth: Any,
+        *,
+        K: ArrayLike | None = None,
+        K_unit: Literal["pixels", "image"] = "pixels",
+        yfov: float | None = None,
+        orthographic: float | None = None,
+        camera: Camera | Iterable[Camera] | None = None,
+        view: ArrayLike | None = None,
+        kind: Literal["planar", "ray", "inverse", "relative"] = "planar",
+        scale: float | None = None,
+        shift: float | None = None,
+        invalid: Iterable[float] | None = None,
+        normal: Any = None,
+        normal_space: str | None = None,
+        color: Any = None,
+        layout: Literal["HWC", "CHW"] = "HWC",
+    ) -> GBuffer | GBufferBatch:
+        """Make a G-buffer of a depth map, predicted or measured; of several, a batch.
+
+        Args:
+            depth: [rows, columns], or [images, rows, columns] for a batch; real numbers.
+            K: intrinsics, fx, fy, cx, cy or a 3 x 3 matrix, in pixels as in OpenCV: the centre of the
+                first pixel is (0, 0). Or one for each image.
+            K_unit: "image" for intrinsics in units of the image's width and height, as of MoGe.
+            yfov: vertical field of view in radians, in place of K.
+            orthographic: height of an orthographic view in scene units, in place of K.
+            camera: of the depth, in place of K; or one for each image. Without any of the four, a
+                field of view of 50 degrees is assumed, and warned of.
+            view: [4, 4] world to view, as of `Camera`; the identity by default. Or one for each image.
+            kind: "planar": distance to the camera's plane; "ray": distance to the eye; "inverse": its
+                planar depth is scale / value (inverse depth, or disparity with `scale` = focal length
+                times baseline); "relative": 1 / depth = scale * value + shift, the nearer the larger,
+                as of networks for relative depth.
+            scale: scene units of the number 1. Without, 1; of integers .001 is assumed, and warned of; of
+                relative depth, numbers that reach from 1 to 10 scene units, likewise.
+            shift: of relative depth; 0 by default, if there is a scale.
+            invalid: numbers that stand for no surface: by default 0, NaN, +inf and 1e10, of relative depth
+                NaN, +inf and 1e10.
+            normal: [rows, columns, 3] of any length, in 0..1 or signed.
+            normal_space: "camera" (+y up, +z towards the viewer), "opencv" (+y down, +z forward), "camera, y
+                down", "camera, z forward" or "world", with ", 0..1" where they are stored as (n + 1) / 2. None
+                finds out, by holding them to normals of the depth, and says it in `notes`; world axes are found
+                without `camera` and `view` too.
+            color: [rows, columns, 3], taken for reflectance: integers are sRGB, floats linear in [0, 1].
+            layout: "CHW" where channels come before rows and columns, in all arrays.
+
+        Returns:
+            A `GBuffer`, or a `GBufferBatch` for [images, rows, columns]. Results of techniques are arrays of the
+            kind of `depth`.
+
+        Raises:
+            ValueError: a depth that is neither above 0 nor listed in `invalid`, a wrong shape, or normals whose
+                space is not clear (`UnclearSpaceError`; the message has the two best and their residuals).
+            TypeError: an array is not of real numbers.
+        """
+        from ssgi_cl.core.depth_maps import gbuffer_from_depth  # needs this module
+
+        return gbuffer_from_depth(
+            depth,
+            K=K,
+            K_unit=K_unit,
+            yfov=yfov,
+            orthographic=orthographic,
+            camera=camera,
+            view=view,
+            kind=kind,
+            scale=scale,
+            shift=shift,
+            invalid=invalid,
+            normal=normal,
+            normal_space=normal_space,
+            color=color,
+            layout=layout,
+        )
+
     @classmethod
     def from_exr(
         cls,
@@ -184,7 +281,7 @@ class GBuffer:
                 with a camera of the display window, the data window does not exceed that equally
                 on opposite sides (the margin).
         """
-        arrays = files().read_gbuffer(path, channels, size=camera.size)
+        arrays: dict[str, Any] = files().read_gbuffer(path, channels, size=camera.size)
         return cls(camera=camera, nan=nan, **arrays)
 
     def to_exr(self, path: str | os.PathLike[str]) -> None:

@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core import checks
+from ssgi_cl.core.array_kinds import kind_among, of_kind
 from ssgi_cl.core.errors import DeviceMemoryError
+from ssgi_cl.core.gbuffer_batch import image_by_image, images_in
 from ssgi_cl.core.keywords import check_keywords
 from ssgi_cl.device import drivers, image_limits
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size, plane_shape
@@ -315,7 +317,11 @@ class Runtime:
 
 
 def serialised(function: Callable[P, T]) -> Callable[P, T]:
-    """Make a function run alone on the device of `runtime` or of an argument, or the default one."""
+    """Make a function run alone on the device of `runtime` or of an argument, or the default one.
+
+    Its results are of the kind of the arrays that it was given (`array_kinds`), and for each image of a
+    batch of G-buffers (`gbuffer_batch`).
+    """
 
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> T:
@@ -325,9 +331,14 @@ def serialised(function: Callable[P, T]) -> Callable[P, T]:
 
         def work() -> T:
             with runtime.memory.keeping():
-                return function(*args, **kwargs)
+                images = images_in(args, kwargs)
+                if images is None:
+                    return function(*args, **kwargs)
+                result: T = image_by_image(function, images, args, kwargs)
+                return result
 
-        return runtime.exclusively(work)
+        result: T = of_kind(runtime.exclusively(work), kind_among((*args, *kwargs.values())))
+        return result
 
     return call
 

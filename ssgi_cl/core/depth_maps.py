@@ -31,7 +31,7 @@ ASSUMED_RANGE = (1.0, 10.0)
 MILLIMETRES = 1e-3
 """Scale of integers, in m, where none is given."""
 
-UNITS = ("pixels", "image")
+UNITS = ("pixels", "corner", "image")
 """Units of intrinsics."""
 
 
@@ -308,8 +308,8 @@ def _each(name: str, value: Any, count: int, shape: tuple[int, ...] | None = Non
 def _pinhole(K: NDArray[np.float64], unit: str, size: tuple[int, int], view: ArrayLike | None) -> Camera:
     """Return the camera of intrinsics.
 
-    In pixels they follow OpenCV: pixel centres lie at integers, so that the principal point is half
-    a pixel from ours. In units of the image, 0 and 1 are the image's edges.
+    "pixels" is OpenCV's: pixel centres lie at integers, so that the principal point is half a pixel
+    from ours, which is "corner". In units of the image, 0 and 1 are the image's edges.
     """
     checks.choice("K_unit", unit, UNITS)
     if K.shape == (3, 3):
@@ -325,6 +325,6 @@ def _pinhole(K: NDArray[np.float64], unit: str, size: tuple[int, int], view: Arr
             f"K puts the principal point at ({cx:g}, {cy:g}) pixels, into the corner of an image of "
             f"{rows} x {columns}: expected pixels, or K_unit='image' for units of the image's size"
         )
-    else:
+    elif unit == "pixels":
         cx, cy = cx + 0.5, cy + 0.5
     return Camera.from_intrinsics(fx, fy, cx, cy, width=columns, height=rows, view=view)

@@ -184,7 +184,7 @@ class GBuffer:
         depth: Any,
         *,
         K: ArrayLike | None = None,
-        K_unit: Literal["pixels", "image"] = "pixels",
+        K_unit: Literal["pixels", "corner", "image"] = "pixels",
         yfov: float | None = None,
         orthographic: float | None = None,
         camera: Camera | Iterable[Camera] | None = None,
@@ -204,7 +204,8 @@ class GBuffer:
             depth: [rows, columns], or [images, rows, columns] for a batch; real numbers.
             K: intrinsics, fx, fy, cx, cy or a 3 x 3 matrix, in pixels as in OpenCV: the centre of the
                 first pixel is (0, 0). Or one for each image.
-            K_unit: "image" for intrinsics in units of the image's width and height, as of MoGe.
+            K_unit: "corner" where the corner of the first pixel is (0, 0), as of COLMAP and nerfstudio; "image"
+                in units of the image's width and height, as of MoGe.
             yfov: vertical field of view in radians, in place of K.
             orthographic: height of an orthographic view in scene units, in place of K.
             camera: of the depth, in place of K; or one for each image. Without any of the four, a

@@ -107,16 +107,10 @@ def _one(
 ) -> GBuffer:
     notes = list(said)
     depth = planar_depth(values, camera, reading, notes)
-    there = np.isfinite(depth)
     if normal is not None:
         _like("normal", normal, depth)
-        space = (
-            detected_space(normal, depth, camera, world=known)
-            if normal_space is None
-            else named_space(normal_space, camera)
-        )
-        notes.append(_said(space))
-        normal = world_normals(normal, space, camera, there)
+        normal, note = world_normals(normal, depth, camera, normal_space, known=known)
+        notes.append(note)
     albedo = None
     if color is not None:
         _like("color", color, depth)
@@ -167,14 +161,32 @@ def ray_lengths(camera: Camera) -> NDArray[np.float64]:
     return lengths
 
 
-def world_normals(normal: NDArray[Any], space: Space, camera: Camera, there: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Return unit normals [rows, columns, 3] in world space; 0 where nothing is or the map has none."""
+def world_normals(
+    normal: NDArray[Any], depth: NDArray[np.float32], camera: Camera, normal_space: str | None, *, known: bool
+) -> tuple[NDArray[np.float32], str]:
+    """Return unit normals [rows, columns, 3] in world space, 0 where there are none, and a note on their space.
+
+    Args:
+        normal, normal_space: as of `GBuffer.from_depth`.
+        depth: linear view depth; +inf where nothing is.
+        camera: saw both.
+        known: whether its rotation is known; without, axes of a world are found.
+
+    Raises:
+        ValueError: as `GBuffer.from_depth`.
+    """
+    if normal_space is None:
+        space = detected_space(normal, depth, camera, world=known)
+    else:
+        space = named_space(normal_space, camera)
+    if space.name == "world" and not space.found:
+        return normal.astype(np.float32, copy=False), _said(space)
     signed = space.decoded(normal.astype(np.float64))
     length = np.linalg.norm(signed, axis=-1, keepdims=True)
-    found = there & np.isfinite(length[..., 0]) & (length[..., 0] > 0.0)
+    found = np.isfinite(depth) & np.isfinite(length[..., 0]) & (length[..., 0] > 0.0)
     with np.errstate(invalid="ignore", divide="ignore"):
         world = (signed / length) @ (camera.view[:3, :3].T @ space.to_view).T
-    return np.where(found[..., None], world, 0.0).astype(np.float32)
+    return np.where(found[..., None], world, 0.0).astype(np.float32), _said(space)
 
 
 def linear_color(color: NDArray[Any]) -> NDArray[np.float32]:

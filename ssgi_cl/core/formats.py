@@ -7,9 +7,6 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from ssgi_cl.core.lights import Environment
 
 
@@ -22,8 +19,9 @@ class Files(Protocol):
         channels: Mapping[str, str | tuple[str, ...]] | None,
         *,
         size: tuple[int, int],
-    ) -> dict[str, NDArray[np.float32]]:
-        """Return the arrays of a G-buffer whose camera has `size` (rows, columns)."""
+        layer: str | None,
+    ) -> dict[str, Any]:
+        """Return the arrays of a G-buffer whose camera has `size` (rows, columns), and its notes."""
 
     def write(self, path: str | os.PathLike[str], arrays: Mapping[str, Any]) -> None:
         """Write arrays, whole or not at all."""

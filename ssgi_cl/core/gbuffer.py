@@ -17,6 +17,7 @@ from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.formats import files
 from ssgi_cl.core.immutable import Immutable, frozen
 from ssgi_cl.core.lights import PunctualLight
+from ssgi_cl.core.normal_space import UnclearSpaceError
 
 if TYPE_CHECKING:
     from ssgi_cl.core.gbuffer_batch import GBufferBatch
@@ -264,6 +265,8 @@ class GBuffer:
         *,
         camera: Camera,
         channels: Mapping[str, str | tuple[str, ...]] | None = None,
+        layer: str | None = None,
+        normal_space: str | None = None,
         nan: Literal["refuse", "hole"] = "refuse",
     ) -> Self:
         """Read a G-buffer from an OpenEXR file.
@@ -274,15 +277,29 @@ class GBuffer:
                 (`Camera.cropped`).
             channels: channel names for `depth`, `normal`, `albedo`, `emission`, for example
                 {"depth": "Z", "normal": ("N.X", "N.Y", "N.Z")}; found by their usual names if not
-                given.
+                given. `notes` says what was read, and what was not.
+            layer: whose channels are read, such as "ViewLayer"; by default the one with a depth that has
+                the most of the four.
+            normal_space: as of `from_depth`. None finds out; where too few surfaces are smooth to tell,
+                normals are taken for those of the world.
             nan: as the attribute.
 
         Raises:
             ValueError: not an EXR file, damaged, without depth, of another size than `camera`, or,
                 with a camera of the display window, the data window does not exceed that equally
-                on opposite sides (the margin).
+                on opposite sides (the margin); several layers have a depth and none is named; or the
+                space of the normals is not clear (`UnclearSpaceError`).
         """
-        arrays: dict[str, Any] = files().read_gbuffer(path, channels, size=camera.size)
+        from ssgi_cl.core.depth_maps import world_normals  # needs this module
+
+        arrays: dict[str, Any] = files().read_gbuffer(path, channels, size=camera.size, layer=layer)
+        if "normal" in arrays:
+            try:
+                found = world_normals(arrays["normal"], arrays["depth"], camera, normal_space, known=True)
+                arrays |= {"normal": found[0], "notes": (*arrays["notes"], found[1])}
+            except UnclearSpaceError as error:
+                if not error.few:
+                    raise type(error)(f"{os.fspath(path)}: {error}") from None
         return cls(camera=camera, nan=nan, **arrays)
 
     def to_exr(self, path: str | os.PathLike[str]) -> None:

@@ -84,7 +84,15 @@ class Space(NamedTuple):
 
 
 class UnclearSpaceError(ValueError):
-    """The space of a normal map is not clear; the message has the two best candidates."""
+    """The space of a normal map is not clear; the message has the two best candidates.
+
+    Attributes:
+        few: whether there are too few pixels on smooth surfaces to tell.
+    """
+
+    def __init__(self, message: str, *, few: bool = False) -> None:
+        super().__init__(message)
+        self.few = few
 
 
 def named_space(name: str, camera: Camera) -> Space:
@@ -117,7 +125,8 @@ def detected_space(normal: NDArray[Any], depth: NDArray[Any], camera: Camera, *,
     if len(stored) < LEAST_SAMPLES:
         raise UnclearSpaceError(
             f"normal has {len(stored)} pixels on smooth surfaces: expected {LEAST_SAMPLES} to tell its space; "
-            f"say it by normal_space, one of {', '.join(map(repr, SPACES))}"
+            f"say it by normal_space, one of {', '.join(map(repr, SPACES))}",
+            few=True,
         )
     candidates = [_Judged(space, stored, expected) for space in _candidates(stored, camera, world)]
     best = _best(candidates)

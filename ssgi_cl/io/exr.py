@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence, Set
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,8 @@ import OpenEXR
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core import atomic, checks
-from ssgi_cl.io.exr_header import Window, read_header
+from ssgi_cl.io.exr_channels import QUANTITIES, found_channels
+from ssgi_cl.io.exr_header import ExrHeader, Window, read_header
 
 BACKGROUND_DEPTH = 1e10
 """Depths from here on mean that nothing is there: Blender writes 1e10 for its background."""
@@ -21,15 +22,6 @@ BACKGROUND_DEPTH = 1e10
 _STEMS = {"": "", "image": "", "normal": "N"}
 _SINGLES = {"depth": "Z"}
 _SUFFIXES = {"normal": ("X", "Y", "Z")}
-
-# Usual names, in order of preference. "*." stands for any prefix (a layer and a pass).
-_DEPTH_NAMES = ("Z", "depth", "depth.V", "Depth", "Depth.V", "depth.Z", "*.Depth.Z", "*.Depth.V")
-_ALBEDO_STEMS = ("albedo", "Albedo", "diffuse_albedo", "DiffCol", "*.DiffCol", "*.albedo", "*.Diffuse Color")
-_STEMS_OF = {
-    "normal": ("N", "normal", "Normal", "normals", "*.Normal", "*.normal"),
-    "albedo": (*_ALBEDO_STEMS, "*.Denoising Albedo"),
-    "emission": ("emission", "Emission", "*.Emit", "*.Emission", "*.emission"),
-}
 
 
 def write(
@@ -173,22 +165,28 @@ def read(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
     """
     name = os.fspath(path)
     header = read_header(Path(name))
-    size = header.size
+    return _chosen(name, header, {channel.name for channel in header.channels})
+
+
+def _chosen(name: str, header: ExrHeader, wanted: Set[str]) -> dict[str, NDArray[Any]]:
+    """Return some channels of a file, as `read`; the others may be of any kind."""
     for channel in header.channels:
-        if channel.sampling != (1, 1):
+        if channel.name in wanted and channel.sampling != (1, 1):
             raise ValueError(
                 f"{name}: channel {channel.name!r} is subsampled {channel.sampling[0]} x "
                 f"{channel.sampling[1]}: expected one value for each pixel"
             )
     arrays: dict[str, NDArray[Any]] = {}
-    for key, pixels in _decoded(name, size)[1].items():
+    for key, pixels in _decoded(name, header.size, wanted)[1].items():
         kind = np.uint32 if pixels.dtype.kind == "u" else np.float32
         arrays[key] = np.ascontiguousarray(pixels, dtype=kind)
     return arrays
 
 
-def _decoded(name: str, size: tuple[int, int]) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Return the attributes of a file and its channels, of the size of the data window."""
+def _decoded(
+    name: str, size: tuple[int, int], wanted: Set[str] | None = None
+) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """Return the attributes of a file and its channels, all or some, of the size of the data window."""
     try:
         with _utf8(name, os.O_RDONLY) as readable:
             file = OpenEXR.File(readable, separate_channels=True)
@@ -197,6 +195,7 @@ def _decoded(name: str, size: tuple[int, int]) -> tuple[dict[str, Any], dict[str
         raise ValueError(f"{name}: {size[1]} x {size[0]} pixels need more memory than there is") from error
     except (RuntimeError, ValueError) as error:
         raise ValueError(f"{name} is damaged or cut short: its pixels can't be decoded") from error
+    channels = {key: each for key, each in channels.items() if wanted is None or key in wanted}
     for key, channel in channels.items():
         if channel.pixels is None or channel.pixels.shape != size:
             raise ValueError(f"{name} is damaged: channel {key!r} is not {size[0]} x {size[1]}")
@@ -208,21 +207,24 @@ def read_gbuffer(
     channels: Mapping[str, str | tuple[str, ...]] | None = None,
     *,
     size: tuple[int, int] | None = None,
-) -> dict[str, NDArray[np.float32]]:
+    layer: str | None = None,
+) -> dict[str, Any]:
     """Return the arrays of a G-buffer that an OpenEXR file holds.
 
     Args:
         path: a file as for `read`.
         channels: channel names for some of "depth" (one name), "normal", "albedo", "emission"
             (three names each, or the stem of three: "N" for N.X, N.Y, N.Z). What isn't given is
-            looked for under its usual names, such as Z, depth.V or ViewLayer.Depth.Z.
+            looked for under its usual names, see `exr_channels`.
         size: (rows, columns) of the camera: that of the display window, which the data window may
             exceed equally on opposite sides (the margin), or that of the data window. By default
             any.
+        layer: whose quantities are read; by default the one with a depth that has the most.
 
     Returns:
         "depth" [rows, columns], and "normal", "albedo", "emission" [rows, columns, 3] as far as the
-        file has them. Depths of 1e10 and more, Blender's background, are +inf.
+        file has them. Depths of 1e10 and more, Blender's background, are +inf. "notes": what was
+        read, and what was not, in words.
 
     Raises:
         FileNotFoundError, OSError: as `read`.
@@ -232,24 +234,22 @@ def read_gbuffer(
     name = os.fspath(path)
     if size is not None:
         _check_regions(name, size)
-    given = dict(channels or {})
-    unknown = sorted(set(given) - {"depth", *_STEMS_OF})
+    wanted = dict(channels or {})
+    unknown = sorted(set(wanted) - QUANTITIES.keys())
     if unknown:
         raise ValueError(f"channels names {unknown[0]!r}: expected 'depth', 'normal', 'albedo' or 'emission'")
-    present = read(name)
-    arrays: dict[str, NDArray[np.float32]] = {}
-    for key in ("depth", *_STEMS_OF):
-        if key in given:
-            names: tuple[str, ...] | None = _given(name, key, given[key], present)
-        elif key == "depth":
-            names = next(((found,) for found in _matches(_DEPTH_NAMES, present)), None)
-        else:
-            names = next(_triples(_STEMS_OF[key], present), None)
-        if names is None and key == "depth":
-            raise ValueError(f"{name} has no depth channel; it has {_listed(present)}")
-        if names is not None:
-            planes = [present[channel].astype(np.float32, copy=False) for channel in names]
-            arrays[key] = planes[0] if key == "depth" else np.stack(planes, axis=-1)
+    header = read_header(Path(name))
+    names = [channel.name for channel in header.channels]
+    given = {key: _given(name, key, value, names) for key, value in wanted.items()}
+    try:
+        found = found_channels(names, layer, given)
+    except ValueError as error:
+        raise type(error)(f"{name}: {error}") from None
+    present = _chosen(name, header, {channel for part in found.channels.values() for channel in part})
+    arrays: dict[str, Any] = {"notes": found.notes}
+    for key, part in found.channels.items():
+        planes = [present[channel].astype(np.float32, copy=False) for channel in part]
+        arrays[key] = planes[0] if key == "depth" else np.stack(planes, axis=-1)
     depth = arrays["depth"].copy()
     depth[depth >= BACKGROUND_DEPTH] = np.inf
     arrays["depth"] = depth
@@ -269,41 +269,18 @@ def _check_regions(name: str, size: tuple[int, int]) -> None:
         )
 
 
-def _given(path: str, key: str, wanted: str | tuple[str, ...], present: Mapping[str, object]) -> tuple[str, ...]:
+def _given(path: str, key: str, wanted: str | tuple[str, ...], present: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of the channels that a caller gave for a quantity."""
     if isinstance(wanted, str) and key != "depth":
-        return next(_triples((wanted,), present), None) or _missing(path, f"{wanted}.*", present)
-    names = (wanted,) if isinstance(wanted, str) else tuple(wanted)
-    count = 1 if key == "depth" else 3
-    if len(names) != count:
-        raise ValueError(f"channels[{key!r}] is {wanted!r}: expected {count} channel name(s)")
-    for channel in names:
-        if channel not in present:
-            _missing(path, channel, present)
+        triples = (tuple(f"{wanted}.{c}" for c in components) for components in ("XYZ", "RGB", "xyz"))
+        found = next((triple for triple in triples if all(name in present for name in triple)), None)
+        names: tuple[str, ...] = found or (f"{wanted}.*",)
+    else:
+        names = (wanted,) if isinstance(wanted, str) else tuple(wanted)
+        count = 1 if key == "depth" else 3
+        if len(names) != count:
+            raise ValueError(f"channels[{key!r}] is {wanted!r}: expected {count} channel name(s)")
+    for name in names:
+        if name not in present:
+            raise ValueError(f"{path} has no channel {name!r}; it has {', '.join(sorted(present)) or 'none'}")
     return names
-
-
-def _missing(path: str, channel: str, present: Mapping[str, object]) -> tuple[str, ...]:
-    raise ValueError(f"{path} has no channel {channel!r}; it has {_listed(present)}")
-
-
-def _matches(patterns: tuple[str, ...], present: Mapping[str, object]) -> Iterator[str]:
-    """Yield the names that fit a pattern, best pattern first, then in alphabetical order."""
-    for pattern in patterns:
-        tail = pattern.removeprefix("*")
-        for channel in sorted(present):
-            if channel == pattern or (tail != pattern and channel.endswith(tail)):
-                yield channel
-
-
-def _triples(stems: tuple[str, ...], present: Mapping[str, object]) -> Iterator[tuple[str, str, str]]:
-    for stem in stems:
-        for first, second, third in (("X", "Y", "Z"), ("R", "G", "B"), ("x", "y", "z")):
-            for channel in _matches((f"{stem}.{first}",), present):
-                prefix = channel.removesuffix(first)
-                names = channel, prefix + second, prefix + third
-                if all(one in present for one in names):
-                    yield names
-
-
-def _listed(present: Mapping[str, object]) -> str:
-    return ", ".join(sorted(present)) or "none"

@@ -7,6 +7,7 @@ Layout: "OpenEXR File Layout" (openexr.com).
 from __future__ import annotations
 
 import math
+import mmap
 import struct
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +19,6 @@ Window = tuple[int, int, int, int]
 
 _MAGIC = b"\x76\x2f\x31\x01"
 _DEEP, _PARTS = 0x800, 0x1000
-_MOST_HEADER = 1 << 20
 _LONGEST_NAME = 255
 _LARGEST_SIDE = 1 << 24
 _FREE_BYTES = 256 << 20
@@ -71,17 +71,16 @@ def read_header(path: Path) -> ExrHeader:
             compression, or it claims far more pixels than can be packed into its length.
     """
     with open(path, "rb") as file:  # says precisely why a file can't be opened
-        head = file.read(_MOST_HEADER)
-        length = file.seek(0, 2)
-    if head[:4] != _MAGIC:
-        raise ValueError(f"{path} is not an OpenEXR file")
-    try:
-        return _parsed(head, length, path)
-    except (struct.error, IndexError, KeyError) as error:
-        raise ValueError(f"{path} is damaged or cut short: its header can't be read") from error
+        if file.read(4) != _MAGIC:
+            raise ValueError(f"{path} is not an OpenEXR file")
+        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as head:  # manifests take megabytes
+            try:
+                return _parsed(head, len(head), path)
+            except (struct.error, IndexError, KeyError) as error:
+                raise ValueError(f"{path} is damaged or cut short: its header can't be read") from error
 
 
-def _parsed(head: bytes, length: int, path: Path) -> ExrHeader:
+def _parsed(head: mmap.mmap, length: int, path: Path) -> ExrHeader:
     (version,) = struct.unpack_from("<I", head, 4)
     attributes, place = _attributes(head, 8, path)
     if version & _PARTS:
@@ -112,7 +111,7 @@ def _parsed(head: bytes, length: int, path: Path) -> ExrHeader:
     return header
 
 
-def _attributes(head: bytes, place: int, path: Path) -> tuple[dict[str, bytes], int]:
+def _attributes(head: mmap.mmap, place: int, path: Path) -> tuple[dict[str, bytes], int]:
     """Return the attributes that begin at `place`, and where they end."""
     found = {}
     while head[place]:
@@ -127,7 +126,7 @@ def _attributes(head: bytes, place: int, path: Path) -> tuple[dict[str, bytes], 
     return found, place + 1
 
 
-def _name(head: bytes, place: int, path: Path) -> tuple[str, int]:
+def _name(head: mmap.mmap | bytes, place: int, path: Path) -> tuple[str, int]:
     end = head.find(b"\0", place, place + _LONGEST_NAME + 1)
     if end < 0:
         raise ValueError(f"{path} is damaged or cut short: a name in its header has no end")

@@ -56,6 +56,7 @@ def test_a_gbuffer_comes_back_to_the_bit(tmp_path: Path) -> None:
     arrays = arrays_of(17, 31)
     exr.write(tmp_path / "a.exr", arrays)
     found = exr.read_gbuffer(tmp_path / "a.exr")
+    assert found.pop("notes")[0] == "depth is read from Z"
     assert sorted(found) == ["albedo", "depth", "emission", "normal"]
     for name, array in found.items():
         np.testing.assert_array_equal(array, arrays[name])

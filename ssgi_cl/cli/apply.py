@@ -14,10 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.depth_maps import world_normals
 from ssgi_cl.core.errors import shown
 from ssgi_cl.core.gbuffer import NAN, GBuffer
 from ssgi_cl.core.keywords import unknown_name
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light
+from ssgi_cl.core.normal_space import ENCODED, SPACES, UnclearSpaceError
 from ssgi_cl.core.params import Params, describe, parameter_fields
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.io import exr
@@ -110,6 +112,14 @@ OFFERED = {name: each for name, each in CATALOGUE.items() if each.command}
     help="What NaN in the file means: 'hole' takes a NaN depth for nothing there and other NaN for 0.",
 )
 @click.option("--no-normals", is_flag=True, help="Ignore normals in the file; those of the depth are used.")
+@click.option(
+    "--normals",
+    "normal_space",
+    metavar="SPACE",
+    help=f"Space of the file's normals: {', '.join(SPACES)}, each with '{ENCODED}' if they are stored in 0..1. By "
+    "default it is found by holding them to the depth.",
+)
+@click.option("--layer", metavar="NAME", help="Layer whose channels are read, such as ViewLayer; found by default.")
 @device_option
 @json_option
 @human_errors
@@ -131,15 +141,17 @@ def apply_command(
     lit: bool,
     nan: str,
     no_normals: bool,
+    normal_space: str | None,
+    layer: str | None,
     device: str | None,
     as_json: bool,
 ) -> None:
     """Apply TECHNIQUE to the G-buffer in IN.exr (depth, and normals if it has them).
 
-    Depth is linear along the view ray, in scene units; 1e10 and more is where nothing is.
-    Normals are taken as camera space: +x right, +y up, +z towards the viewer. Use --no-normals if
-    the file's are in world space, as those of `ssgi render` and of Blender are. The result covers
-    the file's data window, margin included.
+    Depth is the distance to the camera's plane, in scene units; 1e10 and more is where nothing is.
+    The space of the normals is found: camera space (+x right, +y up, +z towards the viewer, or with
+    other axes), or a world's, as those of `ssgi render` and of Blender; what was read and found is
+    printed. The result covers the file's data window, margin included.
 
     ssdo writes irradiance, direct and bounce. Without --sky, --sun and --lit its light is a sky of
     radiance 1.
@@ -172,11 +184,15 @@ def apply_command(
         header = read_header(source)
         camera = _apply_camera(header, fov, ortho, intrinsics)
         with redirect_stdout(StringIO()):  # OpenEXR prints warnings there; errors are raised too
-            arrays = exr.read_gbuffer(source)
+            arrays = exr.read_gbuffer(source, layer=layer)
+        notes = list(arrays.pop("notes"))
         # What the technique does not read may hold anything.
         unused = tuple(name for name in ("albedo", "emission") if name not in chosen.reads)
         for name in (*unused, "normal") if no_normals else unused:
             arrays.pop(name, None)
+        if "normal" in arrays:
+            arrays["normal"], note = _normals(arrays, camera, normal_space, source)
+            notes.append(note)
         gbuffer = GBuffer(camera=camera, nan=nan, **arrays)  # type: ignore[arg-type]
         step(f"computing {technique}")
         given: list[Any] = [gbuffer]
@@ -190,7 +206,20 @@ def apply_command(
             exr.add(output, channels)
         else:
             exr.write(output, channels, data=header.data, display=header.display)
-    report(as_json, runtime, passes, [output], {"width": camera.width, "height": camera.height})
+    report(as_json, runtime, passes, [output], {"width": camera.width, "height": camera.height, "notes": notes})
+
+
+def _normals(arrays: dict[str, Any], camera: Camera, space: str | None, source: Path) -> tuple[Any, str]:
+    """Return the normals of a file in camera space, and a note on what theirs was."""
+    normal, depth = arrays["normal"], arrays["depth"]
+    with np.errstate(invalid="ignore"):
+        depth = np.where(depth > 0.0, depth, np.inf)  # holes and NaN tell nothing of the space
+    try:
+        return world_normals(normal, depth, camera, space, known=False)
+    except UnclearSpaceError as error:
+        if not error.few:
+            raise ValueError(f"{source}: {str(error).replace('normal_space', '--normals')}") from None
+        return normal, "normals are taken for camera space: too few surfaces tell theirs"
 
 
 def _channels(technique: Technique, result: Any) -> dict[str, Any]:

@@ -51,6 +51,8 @@ TURNED = math.radians(8.0)
 """Least angle between axes that are found and those of the camera: less is an error of the depth or its camera."""
 UNIT = 0.02
 """How far from 1 lengths of normals may be that tell their encoding; a tenth of the pixels may be farther."""
+SPREAD = 0.1
+"""Least strength of the second direction of normals, as a share of the first's, to find axes by."""
 SMOOTH = 0.25
 """How much a surface may bend between the pixels that a normal is made of, as a share of their distance."""
 
@@ -130,7 +132,7 @@ def detected_space(normal: NDArray[Any], depth: NDArray[Any], camera: Camera, *,
         )
     candidates = [_Judged(space, stored, expected) for space in _candidates(stored, camera, world)]
     best = _best(candidates)
-    if not world:
+    if not world and _spans(expected):
         fitted = min((_fitted(each, stored, expected) for each in _plain(candidates)), key=lambda each: each.residual)
         turned = _angle(fitted.space.to_view, best.space.to_view) >= TURNED
         if turned and fitted.residual <= CLEAR and _won(fitted, best) >= WON:
@@ -192,6 +194,12 @@ def _candidates(stored: NDArray[np.float64], camera: Camera, world: bool) -> lis
     if min(off) > UNIT:
         return spaces + encoded
     return spaces if off[0] < off[1] else encoded
+
+
+def _spans(normal: NDArray[np.float64]) -> bool:
+    """Return whether normals have more than one direction: else axes cannot be found from them."""
+    strength = np.linalg.svd(normal, compute_uv=False)
+    return bool(strength[1] >= SPREAD * strength[0])
 
 
 def _plain(candidates: list[_Judged]) -> list[_Judged]:

@@ -157,6 +157,8 @@ def report(
     console.print(table)
     if explain:
         console.print(_explanation(passes))
+    for note in facts.get("notes", ()):
+        console.print(printable(note), highlight=False, markup=False)
     for path in files:
         console.print(printable(f"wrote {path}"), highlight=False, markup=False)
 

@@ -68,7 +68,8 @@ def found_channels(
     names = tuple(names)
     layers, given = _by_layer(names), given or {}
     if "depth" in given:
-        own = _parts(given["depth"][0])[0]
+        holding = (name for name, found in layers.items() if any(given["depth"][0] in part for part in found.values()))
+        own = next(holding, _parts(given["depth"][0])[0])
         layers.setdefault(own, {})["depth"] = given["depth"]
         layer = own if layer is None else layer
     deep = {name: found for name, found in layers.items() if "depth" in found}

@@ -345,7 +345,10 @@ def test_normals_in_the_file_are_used_unless_told_otherwise(depth_file: Path, tm
     normal = np.broadcast_to(np.float32([0.6, 0.0, 0.8]), (*SHAPE, 3))
     both = tmp_path / "both.exr"
     exr.write(both, {"depth": depth, "normal": normal})
-    assert not np.array_equal(applied(both), plain)
+    assert not np.array_equal(applied(both, "--normals", "camera"), plain)
+    message = fails(tmp_path, "apply", "gtao", both, "-o", tmp_path / "no.exr")
+    assert "'camera' is" in message
+    assert "Say it by --normals" in message
     np.testing.assert_array_equal(applied(both, "--no-normals"), plain)
 
 
@@ -683,7 +686,7 @@ WHOLE = written(depth=np.random.default_rng(3).uniform(2.0, 2.4, SHAPE).astype(n
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (written(image=np.ones((4, 5, 3), np.float32)), "has no depth channel; it has B, G, R"),
+        (written(image=np.ones((4, 5, 3), np.float32)), "no depth channel; it has B, G, R"),
         (written(depth=HOLE), "depth[1, 2] is nan"),
         (b"", "in.exr"),
         (b"junk", "in.exr"),
@@ -823,12 +826,13 @@ def test_nan_may_stand_for_holes(depth_file: Path, tmp_path: Path) -> None:
     normal[30, 30], zero[30, 30] = np.nan, 0.0
     exr.write(holes, {"depth": open_, "normal": zero})
     exr.write(broken, {"depth": wrong, "normal": normal})
-    assert "depth[20, 30] is nan" in fails(tmp_path, "apply", "ssao", broken, "-o", tmp_path / "ao.exr")
-    np.testing.assert_array_equal(applied(broken, "--nan", "hole"), applied(holes))
+    space = ("--normals", "camera")
+    assert "depth[20, 30] is nan" in fails(tmp_path, "apply", "ssao", broken, *space, "-o", tmp_path / "ao.exr")
+    np.testing.assert_array_equal(applied(broken, *space, "--nan", "hole"), applied(holes, *space))
 
 
 def test_what_lacks_memory_is_told_in_a_line(depth_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def lacking(*_: object) -> None:
+    def lacking(*_: object, **__: object) -> None:
         raise MemoryError("Unable to allocate 9.9 GiB")
 
     monkeypatch.setattr(exr, "read_gbuffer", lacking)

@@ -16,7 +16,8 @@ from ssgi_cl.io.exr_channels import AmbiguousLayerError, found_channels
 
 DEPTHS = (
     "Z", "z", ".Z", "Z.R", "depth", "depth.R", "depth.T", "depth.V", "dd.y", "Pz", "P.Z", "hitPz", "left.depth.Z",
-    "left.Z", "zDepth", "Y", "DEPTH.Z", "FinalImageMovieRenderQueue_WorldDepth.R", "ViewLayer.Denoising Depth.Z", "A.B.Depth.Z",
+    "left.Z", "zDepth", "Y", "DEPTH.Z", "FinalImageMovieRenderQueue_WorldDepth.R", "ViewLayer.Denoising Depth.Z",
+    "A.B.Depth.Z",
 )  # fmt: skip
 NORMALS = (
     "N.X", "N.R", "normal.r", "n.x", "Nx", ".normals.X", "Nsx", "Ns.X", "Nn.x", "hitN.x", "Normals.R", "worldNormal.X",

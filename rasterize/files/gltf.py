@@ -20,26 +20,26 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from ssgi_cl.core.errors import MissingExtraError, SceneError, shown
+from ssgi_cl.core.errors import MissingExtraError, SceneError
+from ssgi_cl.rasterize.files.gltf_accessors import INDEX_TYPES, Accessors, as_floats
 from ssgi_cl.rasterize.files.gltf_document import item, read_document
 from ssgi_cl.rasterize.files.gltf_material import GltfMaterials
 from ssgi_cl.rasterize.files.gltf_nodes import placed_meshes, placed_nodes
 from ssgi_cl.rasterize.files.gltf_notes import notes_of
 from ssgi_cl.rasterize.files.gltf_schema import DRACO, Json
+from ssgi_cl.rasterize.files.gltf_skin import joint_matrices, posed
 from ssgi_cl.rasterize.files.gltf_view import cameras_of, lights_of
 from ssgi_cl.rasterize.files.textures import TextureSet
 from ssgi_cl.rasterize.parts import MOST_TRIANGLES, Contents, Part, check_triangles
 
-_BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
-_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
-_LARGEST = {5120: 127.0, 5121: 255.0, 5122: 32767.0, 5123: 65535.0, 5125: 4294967295.0}
-_INDEX_TYPES = (5121, 5123, 5125)
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _ATTRIBUTES = {
     "POSITION": ("POSITION", ("VEC3",)),
     "NORMAL": ("_NORMAL", ("VEC3",)),
     "COLOR_0": ("_COLOR", ("VEC3", "VEC4")),
     **{f"TEXCOORD_{i}": (f"_UV{i}", ("VEC2",)) for i in range(8)},
+    "JOINTS_0": ("_JOINTS", ("VEC4",)),
+    "WEIGHTS_0": ("_WEIGHTS", ("VEC4",)),
 }
 """Attributes that are read: the name that trimesh gets, and the types that each may have."""
 
@@ -53,13 +53,14 @@ def read(path: Path, textures: TextureSet) -> Contents:
 
     The albedo is the base colour, also of a metal (its reflection is as coloured, but not
     diffuse). Emission is emissiveFactor times KHR_materials_emissive_strength in W m^-2 sr^-1.
-    Blended materials are cut out at one half. COLOR_0 is linear; its alpha is not used. Points,
-    lines, morph targets and skins are left out. Textures repeat. Lights and cameras are read as
+    Blended materials are cut out at one half. COLOR_0 is linear; its alpha is not used. Skins are
+    applied in the pose in which nodes stand. Points, lines and morph targets are left out, as is
+    what is not visible (KHR_node_visibility). Textures repeat. Lights and cameras are read as
     gltf_view says. The contents' notes name what of the file is not drawn.
 
     Raises:
-        SceneError: damaged, or it needs something that would be lost: meshopt, GPU instancing,
-            sparse accessors, triangle fans, an extension that is required and unknown.
+        SceneError: damaged, or it needs something that would be lost: meshopt, GPU instancing, an
+            extension that is required and unknown.
         MissingExtraError: it is compressed with Draco and DracoPy is not installed.
     """
     document, views = read_document(path)
@@ -74,13 +75,24 @@ def read(path: Path, textures: TextureSet) -> Contents:
         if isinstance(mesh, trimesh.Trimesh):
             number = geometry.number_of(mesh)
             made[number] = geometry.part(number, mesh, materials, f"{path.name}: {name}")
-    parts_of = [[made[n] for n in numbers if n in made] for numbers in geometry.numbers]
-    triangles_of = [sum(len(part.triangles) for part in parts) for parts in parts_of]
+    nodes_of, meshes_of = document.get("nodes", []), geometry.numbers
+    parts_of = [[number for number in numbers if number in made] for numbers in meshes_of]
+    triangles_of = [sum(len(made[number].triangles) for number in numbers) for numbers in parts_of]
     # Before they are made: a small file can place much in many places.
-    check_triangles(sum(triangles_of[mesh] for mesh, _ in placed))
-    if sum(len(parts_of[mesh]) for mesh, _ in placed) > _MOST_PARTS:
+    check_triangles(sum(triangles_of[nodes_of[node]["mesh"]] for node, _ in placed))
+    if sum(len(parts_of[nodes_of[node]["mesh"]]) for node, _ in placed) > _MOST_PARTS:
         raise SceneError(f"the file has more than {_MOST_PARTS} primitives with all instances")
-    parts = [part.transformed(matrix) for mesh, matrix in placed for part in parts_of[mesh]]
+    parts = []
+    for node, matrix in placed:
+        joints = None
+        if "skin" in nodes_of[node]:
+            joints = joint_matrices(document, nodes_of[node]["skin"], dict(nodes), geometry.accessors)
+        for number in parts_of[nodes_of[node]["mesh"]]:
+            weights = geometry.weights.get(number)
+            if joints is None or weights is None:
+                parts.append(made[number].transformed(matrix))
+            else:
+                parts.append(posed(made[number], joints, *weights))
     notes: list[str] = []
     nodes.sort(key=lambda node: node[0])  # in the file's order
     lights, cameras = lights_of(document, nodes, notes), cameras_of(document, nodes, notes)
@@ -95,11 +107,15 @@ class _Geometry:
     trimesh hands on as it lies in the file.
 
     Attributes:
+        accessors: of the document.
         numbers: for each mesh of the document, the numbers of its primitives.
+        weights: joints and their weights, [vertices, 4] each, by the number of a primitive that has both.
     """
 
     def __init__(self, document: Json, views: list[memoryview]) -> None:
         self._document, self._views = document, views
+        self.accessors = Accessors(document, views)
+        self.weights: dict[int, tuple[NDArray[np.int64], NDArray[np.float64]]] = {}
         self._primitives: list[Json] = []
         self._accessors: list[Json] = []
         self._buffer_views: list[Json] = []
@@ -144,6 +160,9 @@ class _Geometry:
         triangles = np.asarray(mesh.faces, dtype=np.int64)
         keys = "NORMAL", "COLOR_0", f"TEXCOORD_{material.uv_set}"
         given = ((key, data.get(_ATTRIBUTES[key][0]) if key in _ATTRIBUTES else None) for key in keys)
+        if {"JOINTS_0", "WEIGHTS_0"} <= attributes.keys():
+            joints = np.asarray(data[_ATTRIBUTES["JOINTS_0"][0]], np.int64)
+            self.weights[number] = joints, self._floats(attributes, "WEIGHTS_0", data[_ATTRIBUTES["WEIGHTS_0"][0]])
         normals, colors, uvs = (None if v is None else self._floats(attributes, key, v) for key, v in given)
         return Part(
             name=name,
@@ -157,21 +176,14 @@ class _Geometry:
 
     def _floats(self, attributes: Json, key: str, values: NDArray[Any]) -> NDArray[np.float64]:
         """Return `values` of an attribute as numbers; normalised integers come to [-1, 1]."""
-        accessor = self._document["accessors"][attributes[key]]
-        with np.errstate(invalid="ignore"):  # a signalling NaN, which is refused later
-            numbers = np.asarray(values, dtype=np.float64)
-        if accessor.get("normalized"):
-            numbers = np.maximum(numbers / _LARGEST[accessor["componentType"]], -1.0)
-        return numbers
+        return as_floats(self._document["accessors"][attributes[key]], values)
 
     def _mesh(self, mesh: Json) -> Json:
         primitives = []
         first = len(self._primitives)
         for primitive in mesh["primitives"]:
             mode = primitive.get("mode", _TRIANGLES)
-            if mode == _FAN:
-                raise SceneError("the file holds triangle fans: export it as triangles")
-            if mode not in (_TRIANGLES, _STRIP) or "POSITION" not in primitive["attributes"]:
+            if mode not in (_TRIANGLES, _STRIP, _FAN) or "POSITION" not in primitive["attributes"]:
                 continue
             primitives.append(self._primitive(primitive, mode))
         self.numbers.append(list(range(first, len(self._primitives))))
@@ -183,7 +195,7 @@ class _Geometry:
             raise MissingExtraError("the file is compressed with Draco: pip install 'ssgi-cl[draco]' to read it")
         given = primitive["attributes"]
         kept = {key: name for key, (name, _) in _ATTRIBUTES.items() if key in given}
-        result: Json = {"mode": mode, "material": len(self._primitives)}
+        result: Json = {"mode": _TRIANGLES if mode == _FAN else mode, "material": len(self._primitives)}
         result["attributes"] = {
             name: self._accessor(given[key], _ATTRIBUTES[key][1], draco is not None) for key, name in kept.items()
         }
@@ -191,11 +203,13 @@ class _Geometry:
         if "indices" in primitive:
             corners = primitive["indices"]
             result["indices"] = self._accessor(corners, ("SCALAR",), draco is not None)
-            if self._document["accessors"][corners]["componentType"] not in _INDEX_TYPES:
+            if self._document["accessors"][corners]["componentType"] not in INDEX_TYPES:
                 raise SceneError(f"accessor {corners} holds indices: expected unsigned integers")
         count = self._document["accessors"][corners]["count"]
         if mode == _TRIANGLES and count % 3:
             raise SceneError(f"accessor {corners} has {count} corners: expected three a triangle")
+        if mode == _FAN:
+            result["indices"] = self._fan(primitive, count)
         # Many primitives may share one accessor, but each gets vertices of its own.
         self._vertices += self._document["accessors"][given["POSITION"]]["count"]
         if self._vertices > MOST_TRIANGLES:
@@ -209,48 +223,46 @@ class _Geometry:
 
     def _accessor(self, index: int, kinds: tuple[str, ...], packed: bool) -> int:
         """Copy an accessor, with the bytes it reads, and return its number."""
-        accessor = item(self._document.get("accessors", []), index, "an accessor")
-        kind, component = accessor["type"], accessor["componentType"]
-        count, start = accessor["count"], accessor.get("byteOffset", 0)
-        if kind not in kinds or component not in _BYTES:
-            raise SceneError(
-                f"accessor {index} is {shown(kind)} of component type {component}: expected "
-                f"{' or '.join(kinds)} of one that glTF has"
-            )
-        copy = {"type": kind, "componentType": component, "count": count}
+        accessor = self.accessors.checked(index, kinds)
+        copy = {name: accessor[name] for name in ("type", "componentType", "count")}
         if packed:
             copy["count"] = 0  # replaced by what the compressed data holds
-        elif "sparse" in accessor:
-            raise SceneError(f"accessor {index} is sparse, which is not supported")
-        elif "bufferView" not in accessor:
-            raise SceneError(f"accessor {index} has no buffer view")
-        else:
-            item(self._views, accessor["bufferView"], f"the buffer view of accessor {index}")
+        elif self.accessors.is_plain(index):
+            copy["byteOffset"], stride = self.accessors.bounds(index)
             view = self._document["bufferViews"][accessor["bufferView"]]
-            row = _BYTES[component] * _WIDTHS[kind]
-            stride = view.get("byteStride", row)
-            available = len(self._views[accessor["bufferView"]])
-            if stride < row or (count and start + (count - 1) * stride + row > available):
-                raise SceneError(
-                    f"accessor {index} reads {count} items of {row} bytes, {stride} apart, from "
-                    f"byte {start} of a view of {available} bytes"
-                )
-            copy["byteOffset"] = start
             copy["bufferView"] = self._view(accessor["bufferView"], stride if "byteStride" in view else 0)
+        else:
+            copy["bufferView"] = self._added(self.accessors.read(index, kinds).tobytes())
         self._accessors.append(copy)
         return len(self._accessors) - 1
+
+    def _fan(self, primitive: Json, count: int) -> int:
+        """Return the accessor of the triangles of a fan of `count` corners."""
+        if count > MOST_TRIANGLES:
+            raise SceneError(f"a triangle fan has {count} corners: expected at most {MOST_TRIANGLES}")
+        corners = np.arange(count, dtype=np.uint32)
+        if "indices" in primitive:
+            corners = self.accessors.read(primitive["indices"], ("SCALAR",))[:, 0].astype(np.uint32)
+        triangles = np.stack([np.broadcast_to(corners[:1], max(count - 2, 0)), corners[1:-1], corners[2:]], axis=1)
+        accessor = {"type": "SCALAR", "componentType": 5125, "count": triangles.size}
+        self._accessors.append({**accessor, "bufferView": self._added(triangles.astype("<u4").tobytes())})
+        return len(self._accessors) - 1
+
+    def _added(self, data: bytes | memoryview, stride: int = 0) -> int:
+        """Return the number of a new buffer view of these bytes."""
+        view = {"buffer": 0, "byteOffset": len(self._binary), "byteLength": len(data)}
+        if stride:
+            view["byteStride"] = stride
+        self._binary += data
+        self._binary += bytes(-len(data) % 4)
+        if len(self._binary) > _MOST_BYTES:
+            raise SceneError(f"the buffer views cover more than {_MOST_BYTES} bytes in all")
+        self._buffer_views.append(view)
+        return len(self._buffer_views) - 1
 
     def _view(self, index: int, stride: int) -> int:
         key = (index, stride)
         if key not in self._view_of:
             data = item(self._views, index, "a buffer view")
-            view = {"buffer": 0, "byteOffset": len(self._binary), "byteLength": len(data)}
-            if stride:
-                view["byteStride"] = stride
-            self._binary += data
-            self._binary += bytes(-len(data) % 4)
-            if len(self._binary) > _MOST_BYTES:
-                raise SceneError(f"the buffer views cover more than {_MOST_BYTES} bytes in all")
-            self._view_of[key] = len(self._buffer_views)
-            self._buffer_views.append(view)
+            self._view_of[key] = self._added(data, stride)
         return self._view_of[key]

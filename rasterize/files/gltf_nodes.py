@@ -10,7 +10,7 @@ from trimesh import transformations
 
 from ssgi_cl.core.errors import SceneError
 from ssgi_cl.rasterize.files.gltf_document import item
-from ssgi_cl.rasterize.files.gltf_schema import Json
+from ssgi_cl.rasterize.files.gltf_schema import VISIBILITY, Json
 
 _turned_by: Any = transformations.quaternion_matrix
 
@@ -18,8 +18,9 @@ _turned_by: Any = transformations.quaternion_matrix
 def placed_nodes(document: Json) -> list[tuple[int, NDArray[np.float64]]]:
     """Return (number of a node, its matrix [4, 4] to world space) of each node.
 
-    Those of the default scene; of all nodes where the document has no scene. Walked without
-    recursion, so that depth costs nothing.
+    Those of the default scene; of all nodes where the document has no scene. A node that is not
+    visible (KHR_node_visibility) and all below it are left out. Walked without recursion, so that
+    depth costs nothing.
 
     Raises:
         SceneError: a number is out of range, or a node hangs in several places.
@@ -47,6 +48,8 @@ def placed_nodes(document: Json) -> list[tuple[int, NDArray[np.float64]]]:
     while waiting:
         index, above = waiting.pop()
         node = nodes[index]
+        if not node.get("extensions", {}).get(VISIBILITY, {}).get("visible", True):
+            continue
         # Whatever overflows is refused where it is used, with the name of the mesh.
         with np.errstate(over="ignore", invalid="ignore"):
             matrix = np.dot(above, _local(node))
@@ -58,13 +61,13 @@ def placed_nodes(document: Json) -> list[tuple[int, NDArray[np.float64]]]:
 def placed_meshes(
     document: Json, placed: list[tuple[int, NDArray[np.float64]]]
 ) -> list[tuple[int, NDArray[np.float64]]]:
-    """Return (number of a mesh, its matrix) of each placed node with a mesh."""
+    """Return (number of a node with a mesh, its matrix) of each placed one."""
     meshes = []
     for index, matrix in placed:
         node = document["nodes"][index]
         if "mesh" in node:
             item(document.get("meshes", []), node["mesh"], "the mesh of a node")
-            meshes.append((node["mesh"], matrix))
+            meshes.append((index, matrix))
     return meshes
 
 

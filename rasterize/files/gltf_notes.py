@@ -75,8 +75,6 @@ def _geometry(document: Json) -> Iterator[str]:
         yield f"{lines} primitive(s) of points and lines are not drawn"
     if any("targets" in primitive for primitive in primitives):
         yield "morph targets are not applied"
-    if any("skin" in node for node in document.get("nodes", [])):
-        yield "skins are not applied: meshes stand as they were modelled"
     if document.get("animations"):
         yield "animations are not played: nodes stand as the file places them"
     if len(document.get("scenes", [])) > 1:

@@ -15,6 +15,7 @@ Json = dict[str, Any]
 
 DRACO = "KHR_draco_mesh_compression"
 LIGHTS = "KHR_lights_punctual"
+VISIBILITY = "KHR_node_visibility"
 
 _Rule = Callable[[Any, str], None]
 _Schema = Any
@@ -164,7 +165,7 @@ _CAMERA = {
 def _node_extensions(value: Any, where: str) -> None:
     """Check the extensions of a node, those that are read to their values."""
     _check(value, _every(_object), where)
-    _check(value, {LIGHTS: {"light!": _integer}}, where)
+    _check(value, {LIGHTS: {"light!": _integer}, VISIBILITY: {"visible": _truth}}, where)
 
 
 _DOCUMENT = {
@@ -186,6 +187,7 @@ _DOCUMENT = {
             "translation": _numbers(3),
             "rotation": _numbers(4),
             "scale": _numbers(3),
+            "skin": _integer,
             "extensions": _node_extensions,
         }
     ],
@@ -201,9 +203,14 @@ _DOCUMENT = {
             "byteOffset": _integer,
             "bufferView": _integer,
             "normalized": _truth,
-            "sparse": _object,
+            "sparse": {
+                "count!": _integer,
+                "indices!": {"bufferView!": _integer, "byteOffset": _integer, "componentType!": _integer},
+                "values!": {"bufferView!": _integer, "byteOffset": _integer},
+            },
         }
     ],
+    "skins": [{"joints!": [_integer], "inverseBindMatrices": _integer}],
     "bufferViews": [
         {
             "buffer!": _integer,

@@ -48,7 +48,7 @@ def read(path: Path, textures: TextureSet) -> Contents:
     Raises:
         SceneError: a number or an index can't be read, a library or texture is missing.
     """
-    text = path.read_bytes().decode("utf-8", errors="replace")
+    text = path.read_bytes().decode("utf-8-sig", errors="replace")
     statements = _sort_lines(text)
     table = _numbers("v", statements.vertices, least=3)
     positions, colors = table[:, :3], _vertex_colors(table)
@@ -212,7 +212,7 @@ def _libraries(statements: _Statements, folder: Path, textures: TextureSet) -> d
     found: dict[str, MtlMaterial] = {}
     for line in dict.fromkeys(statements.libraries):
         for name in _library_names(line, lambda name: is_file(folder / name)):
-            text = read_beside(folder, name, "the mtllib").decode("utf-8", errors="replace")
+            text = read_beside(folder, name, "the mtllib").decode("utf-8-sig", errors="replace")
             beside = (folder / name.replace("\\", "/")).parent
             found |= read_mtl(text, beside, textures, within=folder)
     return found

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.errors import SceneError
 from ssgi_cl.core.scene import Material
 from ssgi_cl.rasterize.files.ply_header import PlyHeader, read_header
-from ssgi_cl.rasterize.files.textures import TextureSet, read_beside, srgb_to_linear
+from ssgi_cl.rasterize.files.textures import UTF8_MARK, TextureSet, read_beside, srgb_to_linear
 from ssgi_cl.rasterize.parts import Contents, Part
 
 _INDEX_LISTS = ("vertex_indices", "vertex_index")
@@ -30,7 +30,7 @@ def read(path: Path, textures: TextureSet) -> Contents:
     Raises:
         SceneError: damaged, a polygon has more than four corners, the texture is missing.
     """
-    data = path.read_bytes()
+    data = path.read_bytes().removeprefix(UTF8_MARK)
     header = read_header(data, path)
     loaded = _decoded(header, data, path)
     raw = loaded.metadata["_ply_raw"]

@@ -15,6 +15,9 @@ from PIL import Image, UnidentifiedImageError
 
 from ssgi_cl.core.errors import SceneError, shown
 
+UTF8_MARK = b"\xef\xbb\xbf"
+"""Byte order mark, which editors put before a text."""
+
 MOST_TEXTURE_PIXELS = 8192 * 8192
 """Pixels of the largest texture; a file of a few kilobytes can claim far more."""
 

@@ -13,14 +13,13 @@ from numpy.typing import NDArray
 from ssgi_cl.core.errors import SceneError
 from ssgi_cl.core.scene import Material
 from ssgi_cl.rasterize.files.ply_header import PlyHeader, read_header
+from ssgi_cl.rasterize.files.ply_polygons import INDEX_LISTS, as_triangles
 from ssgi_cl.rasterize.files.textures import UTF8_MARK, TextureSet, read_beside, srgb_to_linear
 from ssgi_cl.rasterize.parts import Contents, Part
 
-_INDEX_LISTS = ("vertex_indices", "vertex_index")
-
 
 def read(path: Path, textures: TextureSet) -> Contents:
-    """Read a PLY file of triangles and quadrilaterals, text or binary.
+    """Read a PLY file of polygons, text or binary; they are cut into triangles.
 
     Colours (red, green, blue of vertices, else of faces; integers of their type's range or
     floating-point numbers in [0, 1]) are taken as sRGB-encoded. The image that a `TextureFile`
@@ -28,13 +27,20 @@ def read(path: Path, textures: TextureSet) -> Contents:
     grey.
 
     Raises:
-        SceneError: damaged, a polygon has more than four corners, the texture is missing.
+        SceneError: damaged, or the texture is missing.
     """
     data = path.read_bytes().removeprefix(UTF8_MARK)
     header = read_header(data, path)
-    loaded = _decoded(header, data, path)
+    try:
+        loaded = _decoded(header.bytes, data[header.start :], header.corner_uvs)
+        fits = _lists_fit(loaded.metadata["_ply_raw"]["face"])
+    except MemoryError:
+        raise
+    except Exception:  # trimesh takes all polygons to have as many corners as the first
+        fits = False
+    if not fits:
+        loaded = _cut(header, data, path)
     raw = loaded.metadata["_ply_raw"]
-    _check_lists(raw["face"], path)
     positions = np.asarray(loaded.vertices, dtype=np.float64)
     triangles = np.asarray(loaded.faces, dtype=np.int64)
     untouched = len(positions) == raw["vertex"]["length"]
@@ -49,8 +55,6 @@ def read(path: Path, textures: TextureSet) -> Contents:
         colors=_colors(raw["vertex"]) if untouched else None,
     )
     if part.colors is None and (of_face := _colors(raw["face"])) is not None:
-        if len(of_face) != len(triangles):
-            raise SceneError(f"{path} has colours of quadrilaterals: cut them into triangles")
         part = part.with_face_colors(of_face)
     texture = -1
     if header.texture and part.uvs is not None:
@@ -61,39 +65,43 @@ def read(path: Path, textures: TextureSet) -> Contents:
     return Contents([part], [Material(albedo=(1.0, 1.0, 1.0)) if white else Material()])
 
 
-def _decoded(header: PlyHeader, data: bytes, path: Path) -> trimesh.Trimesh:
-    """Return what trimesh makes of the data."""
-    file = io.BytesIO(header.bytes + data[header.start :])
-    try:
-        with np.errstate(invalid="ignore", over="ignore"):
-            options: dict[str, Any] = {"process": False, "validate": False, "skip_materials": True}
-            loaded = trimesh.load(file, file_type="ply", fix_texture=header.corner_uvs, **options)
-    except MemoryError:
-        raise
-    except Exception as error:  # the header is sound, so whatever fails, fails at the data
-        reason = f"{type(error).__name__}: {error}"[:200]
-        raise SceneError(f"{path} is cut off or damaged: its data doesn't fit its header ({reason})") from error
+def _decoded(header: bytes, data: bytes, corner_uvs: bool) -> trimesh.Trimesh:
+    """Return what trimesh makes of the data; whatever fails raises."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        options: dict[str, Any] = {"process": False, "validate": False, "skip_materials": True}
+        file = io.BytesIO(header + data)
+        loaded = trimesh.load(file, file_type="ply", fix_texture=corner_uvs, **options)
     if not isinstance(loaded, trimesh.Trimesh):
-        raise SceneError(f"{path} holds no triangle")
+        raise SceneError("no triangle")
     return loaded
 
 
-def _check_lists(element: dict[str, Any], path: Path) -> None:
-    """Raise unless trimesh, which takes all lists to be as long as the first, was right."""
+def _cut(header: PlyHeader, data: bytes, path: Path) -> trimesh.Trimesh:
+    """Return what trimesh makes of the data with its polygons cut into triangles."""
+    try:
+        cut = as_triangles(header.bytes, data[header.start :])
+        return _decoded(cut, b"", header.corner_uvs)
+    except MemoryError:
+        raise
+    except SceneError as error:
+        raise SceneError(f"{path}: {error}") from None
+    except Exception as error:  # the header is sound, so whatever fails, fails at the data
+        reason = f"{type(error).__name__}: {error}"[:200]
+        raise SceneError(f"{path} is cut off or damaged: its data doesn't fit its header ({reason})") from error
+
+
+def _lists_fit(element: dict[str, Any]) -> bool:
+    """Return whether trimesh, which takes all lists to be as long as the first, was right, and faces are triangles."""
     data = element["data"]
     if isinstance(data, np.ndarray) and data.dtype.names:
         for name in data.dtype.names:
             if data.dtype[name].names and (data[name]["f0"] != data[name]["f0"][0]).any():
-                raise SceneError(f"{path} mixes polygons of different sizes: cut them up")
-    name = next((key for key in _INDEX_LISTS if key in element["properties"]), None)
-    if name is None:
-        raise SceneError(f"{path} has no vertex_indices in its faces")
-    lists = data[name]
+                return False
+    lists = data[next(key for key in INDEX_LISTS if key in element["properties"])]
     if isinstance(lists, np.ndarray) and lists.dtype.names:
         lists = lists["f1"]
-    longest = lists.shape[1] if np.ndim(lists) == 2 else max(map(len, lists), default=0)
-    if longest > 4:
-        raise SceneError(f"{path} has polygons of {longest} corners: expected three or four")
+    corners = {lists.shape[1]} if np.ndim(lists) == 2 else set(map(len, lists))
+    return corners <= {3}
 
 
 def _columns(element: dict[str, Any], names: tuple[str, ...]) -> NDArray[np.float64] | None:

@@ -310,7 +310,7 @@ def test_ply_quadrilaterals_are_cut(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (ply("", ["0 0 0"] * 5, ["5 0 1 2 3 4"]), "5 corners"),
+        (ply("", ["0 0 0", "1 0 0", "0 1 0"], ["4 0 1 2 3"]), "refers to vertex 3, but there are 3"),
         (ply("", ["0 0 0"] * 3, ["3 0 1 2"]).replace("face 1", "face 9999999999"), "cut off"),
         (ply("", ["0 0 0", "1 0 0", "0 1 0"], []), "no triangle|can't be read"),
         ("ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\n", "no header"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from contextlib import redirect_stdout
 from io import StringIO
 from pathlib import Path
@@ -37,6 +38,8 @@ from ssgi_cl.io.console import (
 from ssgi_cl.io.exr_header import ExrHeader, read_header
 from ssgi_cl.techniques.catalogue import CATALOGUE
 from ssgi_cl.techniques.technique import Technique
+
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
 OFFERED = {name: each for name, each in CATALOGUE.items() if each.command}
 """The techniques that `ssgi apply` takes."""
@@ -292,6 +295,8 @@ def _setting(text: str, technique: str, params: type[Params]) -> tuple[str, Any]
     special = {"true": True, "false": False, "inf": math.inf}
     if value.lower() in special:
         return name, special[value.lower()]
+    if _NUMBER.fullmatch(value):  # .8 and +0.5, which JSON does not know
+        return name, float(value) if set(value) & set(".eE") else int(value)
     try:
         return name, json.loads(value)
     except ValueError:

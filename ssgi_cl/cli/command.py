@@ -1,109 +1,71 @@
-"""The command line: `ssgi render`, `ssgi graph`, `ssgi apply`, `ssgi bench` and others."""
+"""The command line: `ssgi render`, `ssgi graph`, `ssgi apply`, `ssgi bench` and others.
+
+A command's module is imported when the command is asked for: `ssgi --help` starts no part of the library.
+"""
 
 from __future__ import annotations
 
-import json
 import sys
+from difflib import get_close_matches
+from importlib import import_module
+from typing import NamedTuple
 
 import click
 
-from ssgi_cl.bench.command import bench_command, truth_command
-from ssgi_cl.cli.apply import apply_command
-from ssgi_cl.cli.graph import graph_command
-from ssgi_cl.cli.render import render_command
-from ssgi_cl.cli.scene_info import info_command
-from ssgi_cl.device import drivers
-from ssgi_cl.device.drivers import DeviceInfo
-from ssgi_cl.io.console import human_errors, json_option, progress, wrapped
 from ssgi_cl.version import __version__
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+class _Entry(NamedTuple):
+    """Where a command is, and its line in the list of commands."""
+
+    module: str
+    name: str
+    summary: str
+
+
+COMMANDS = {
+    "apply": _Entry("ssgi_cl.cli.apply", "apply_command", "Apply TECHNIQUE to the G-buffer in IN.exr."),
+    "bench": _Entry("ssgi_cl.bench.command", "bench_command", "Measure run time and error of CASES."),
+    "devices": _Entry("ssgi_cl.cli.devices", "devices_command", "List OpenCL devices and the build of the kernels."),
+    "graph": _Entry("ssgi_cl.cli.graph", "graph_command", "Render a frame of SCENE and draw its frame graph."),
+    "info": _Entry("ssgi_cl.cli.scene_info", "info_command", "Say what is in SCENE, without rendering it."),
+    "render": _Entry("ssgi_cl.cli.render", "render_command", "Render SCENE to a picture or to an EXR file."),
+    "truth": _Entry("ssgi_cl.bench.command", "truth_command", "Compute references of CASES and keep them."),
+}
+"""The commands by name."""
+
+
+class _Commands(click.Group):
+    """A group whose commands are imported when they are asked for."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        entry = COMMANDS.get(cmd_name)
+        if entry is None:
+            return None
+        command: click.Command = getattr(import_module(entry.module), entry.name)
+        return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        if args and args[0] not in COMMANDS and not args[0].startswith("-"):
+            near = get_close_matches(args[0], COMMANDS, 1)
+            guess = f" Did you mean {near[0]!r}?" if near else f" There are {', '.join(COMMANDS)}."
+            ctx.fail(f"No such command {args[0]!r}.{guess}")
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, entry.summary) for name, entry in COMMANDS.items()])
+
+
+@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(__version__, prog_name="ssgi")
 def main() -> None:
     """Image-space global illumination on G-buffers, on any OpenCL device."""
-
-
-for _command in (render_command, info_command, graph_command, apply_command, bench_command, truth_command):
-    main.add_command(_command)
-
-
-@main.command("devices")
-@json_option
-@click.option("--refresh", is_flag=True, help="Time all devices anew, whatever is recorded.")
-@human_errors
-def devices_command(as_json: bool, refresh: bool) -> None:
-    """List OpenCL devices, and the build of the kernels that each gets and why.
-
-    What was found is recorded in the cache folder (SSGI_CL_CACHE, or ssgi_cl in the user's caches).
-    """
-    if refresh:
-        drivers.look_again()
-    with progress(as_json) as step:
-        step("timing devices not seen before")
-        found = drivers.devices()
-    if as_json:
-        print(
-            json.dumps(
-                [
-                    {
-                        "label": info.label,
-                        "kind": info.kind,
-                        "units": info.units,
-                        "driver": info.driver,
-                        "variant": str(info.best),
-                        "million_reads_per_second": info.speeds,
-                    }
-                    for info in found
-                ],
-                indent=1,
-            )
-        )
-        return
-    if not found:
-        reasons = "".join(f"\n{wrapped(reason, '  ')}" for reason in drivers.problems())
-        raise click.ClickException(f"no OpenCL device found. {drivers.INSTALL}.{reasons}")
-    usable = [info for info in found if info.best is not None]
-    chosen = max(usable, key=lambda info: info.speed, default=None)
-    for info in found:
-        _list_device(info, default=info == chosen)
-    for reason in drivers.problems():
-        click.echo(wrapped(f"Without a device: {reason}", "") + "\n")
-    if chosen is None:
-        click.echo(wrapped(f"No kernel runs on any of these. {drivers.INSTALL}.", ""))
-        return
-    click.echo(
-        wrapped(
-            "Numbers are million scattered reads a second with each kernel variant. In use (*) is "
-            "the widest variant within 15 % of the fastest.",
-            "",
-        )
-    )
-
-
-def _list_device(info: DeviceInfo, *, default: bool) -> None:
-    units = f"{info.units} compute unit{'s' if info.units != 1 else ''}"
-    click.echo(wrapped(info.label, ""))
-    click.echo(f"  {info.kind}, {units}{', used by default' if default else ''}")
-    for variant in drivers.KERNEL_VARIANTS:
-        speed = info.speeds.get(str(variant), "not tried")
-        mark = "*" if variant == info.best else " "
-        if isinstance(speed, str):
-            click.echo(f"  {mark} {variant!s:17} does not run:")
-            for line in speed.splitlines():
-                if line.strip():
-                    click.echo(wrapped(line, " " * 8))
-        else:
-            why = ""
-            if variant == info.best:
-                within = "fastest" if speed == info.speed else "widest within 15 %"
-                why = f"  in use: {within}"
-            click.echo(f"  {mark} {variant!s:17} {speed:7.0f}{why}")
-    if info.best is None:
-        click.echo("  no kernel variant runs on it, so it is not used")
-    if info.failures and info.driver:
-        click.echo(wrapped(drivers.standing(info), "  "))
-    click.echo()
 
 
 if __name__ == "__main__":

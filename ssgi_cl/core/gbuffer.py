@@ -388,7 +388,7 @@ def _in_order(depth: Floats) -> None:
             raise ValueError(
                 f"depth[{layer}, {row}, {column}] is {depth[layer, row, column]}: expected at "
                 f"least that of layer {layer - 1} there, {depth[layer - 1, row, column]} (scene "
-                "units); layers go from front to back"
+                "units); layers go from front to back (several images are a GBufferBatch)"
             )
 
 

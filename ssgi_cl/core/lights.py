@@ -134,9 +134,9 @@ PunctualLight = SpotLight | PointLight | DirectionalLight
 Light = PunctualLight | Environment
 
 
-def light_tuple(lights: Iterable[Light]) -> tuple[Light, ...]:
-    """Return the lights; TypeError if one is none."""
-    result = tuple(lights)
+def light_tuple(lights: Iterable[Light] | Light) -> tuple[Light, ...]:
+    """Return the lights, or the one that is given; TypeError if one is none."""
+    result = (lights,) if isinstance(lights, Light) else tuple(lights)
     for index, light in enumerate(result):
         if not isinstance(light, Light):
             raise TypeError(f"lights[{index}] is {type(light).__name__}: expected a light")

@@ -7,6 +7,7 @@ from .core.errors import DeviceError as DeviceError
 from .core.errors import KernelBuildError as KernelBuildError
 from .core.errors import KernelSourceError as KernelSourceError
 from .core.errors import MissingExtraError as MissingExtraError
+from .core.errors import RadiusWarning as RadiusWarning
 from .core.errors import SceneError as SceneError
 from .core.errors import SsgiError as SsgiError
 from .core.errors import TruthError as TruthError

@@ -8,6 +8,7 @@ import numpy as np
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.scene import Scene
+from ssgi_cl.core.seen_extent import seen_extent
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.rasterize.raster.extent import Extent
 from ssgi_cl.rasterize.raster.rasterizer import Rasterizer
@@ -15,9 +16,6 @@ from ssgi_cl.rasterize.raster.view import device_scene
 
 ROWS, COLUMNS = 72, 96
 """Of the depth map, whatever the size of the camera's image."""
-
-_TOO_NEAR = 0.05
-"""Fraction of the surfaces seen that are passed over, the nearest: a leaf before the lens."""
 
 _BESIDE = 2.0
 """Diagonals of the subject's box, at most: what stands beside it may be as large."""
@@ -56,19 +54,11 @@ def visible_extent(scene: Scene, camera: Camera, *, runtime: Runtime) -> float:
 
 def _extent(scene: Scene, camera: Camera, runtime: Runtime) -> float:
     """Return the diagonal of the picture at the distance of what is seen, inf if nothing is."""
-    width, height = 2.0 / np.diag(camera.projection)[:2]
-    across = math.hypot(width, height)
-    if not camera.is_orthographic:
-        depth = np.sort(_depths(scene, camera, runtime))
-        depth = depth[int(_TOO_NEAR * len(depth)) :]
-        if not len(depth):
-            return math.inf
-        across *= 1.0 / float((1.0 / depth).mean())
-    return across
+    return seen_extent(camera, np.empty(0) if camera.is_orthographic else _depths(scene, camera, runtime))
 
 
 def _depths(scene: Scene, camera: Camera, runtime: Runtime) -> np.ndarray:
-    """Return the depths of pixels that show a surface, float64."""
+    """Return the depths of all pixels, float64; inf where nothing is."""
     small = Camera(
         view=camera.view, projection=camera.projection, width=COLUMNS, height=ROWS, depth_range=camera.depth_range
     )
@@ -82,4 +72,4 @@ def _depths(scene: Scene, camera: Camera, runtime: Runtime) -> np.ndarray:
         rasterizer.write_depth(plane)
         rasterizer.release()
         depth = plane.download().ravel().astype(np.float64)
-    return depth[np.isfinite(depth)]
+    return depth

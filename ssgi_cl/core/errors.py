@@ -51,3 +51,7 @@ class TruthError(SsgiError):
 
 class AssumedWarning(UserWarning):
     """Something that the caller did not say was assumed; the message says what, and how to say it."""
+
+
+class RadiusWarning(UserWarning):
+    """A radius reaches less than a pixel or over the whole image; the message names a sensible one."""

@@ -11,6 +11,7 @@ from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import Light
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.scene_parts import scene_parts
+from ssgi_cl.core.seen_extent import RADIUS_SHARE
 from ssgi_cl.core.suns import lights_with_suns
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.runtime import Runtime
@@ -24,9 +25,6 @@ from ssgi_cl.frame.record import GraphRecord
 from ssgi_cl.frame.result import Frame
 from ssgi_cl.rasterize.raster.view import downloaded
 from ssgi_cl.rasterize.raster.visible_extent import visible_extent
-
-AO_RADIUS_SHARE = 0.05
-"""Default radius of ambient occlusion, as a fraction of the picture's diagonal where surfaces are seen."""
 
 MADE_OF = {
     "image": {of.RADIANCE, of.EXPOSURE, of.IMAGE},
@@ -48,7 +46,7 @@ def default_ao_radius(scene: Scene, camera: Camera, runtime: Runtime) -> float:
     scene's box or of twice that of its subject (see `visible_extent`): neither a backdrop nor a
     long street enlarges it.
     """
-    return AO_RADIUS_SHARE * visible_extent(scene, camera, runtime=runtime)
+    return RADIUS_SHARE * visible_extent(scene, camera, runtime=runtime)
 
 
 class Renderer:

@@ -126,7 +126,7 @@ class BitmaskAo(SliceTechnique[BitmaskParams]):
 @serialised
 def bitmask_ao(
     gbuffer: GBuffer | DeviceGBuffer,
-    radius: float = 0.5,
+    radius: float | None = None,
     slices: int | None = None,
     taps: int | None = None,
     *,
@@ -145,7 +145,8 @@ def bitmask_ao(
     Args:
         gbuffer: depth, and normals if there are any; taps reach into its margin, and each covers
             sectors with every depth layer.
-        radius: distance up to which surfaces occlude, scene units, > 0.
+        radius: distance up to which surfaces occlude, scene units, > 0; by default 5 % of the
+            picture's diagonal where surfaces are seen.
         slices: planes through the view ray, 1 to 32.
         taps: depths read on either side of a slice, 1 to 64; of several layers see `BitmaskParams`.
         preset, error, budget_ms: at most one of them: where the fields that are not given come

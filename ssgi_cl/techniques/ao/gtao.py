@@ -113,7 +113,7 @@ class Gtao(SliceTechnique[GtaoParams]):
 @overload
 def gtao(
     gbuffer: GBuffer | DeviceGBuffer,
-    radius: float = ...,
+    radius: float | None = ...,
     slices: int | None = ...,
     taps: int | None = ...,
     *,
@@ -127,7 +127,7 @@ def gtao(
 @overload
 def gtao(
     gbuffer: GBuffer | DeviceGBuffer,
-    radius: float = ...,
+    radius: float | None = ...,
     slices: int | None = ...,
     taps: int | None = ...,
     *,
@@ -141,7 +141,7 @@ def gtao(
 @serialised
 def gtao(
     gbuffer: GBuffer | DeviceGBuffer,
-    radius: float = 0.5,
+    radius: float | None = None,
     slices: int | None = None,
     taps: int | None = None,
     *,
@@ -162,7 +162,8 @@ def gtao(
     Args:
         gbuffer: depth, and normals if there are any; taps reach into its margin, and into all its
             depth layers: a deeper one counts where those before it are out of the radius.
-        radius: distance up to which surfaces occlude, scene units, > 0.
+        radius: distance up to which surfaces occlude, scene units, > 0; by default 5 % of the
+            picture's diagonal where surfaces are seen.
         slices: planes through the view ray, 1 to 32.
         taps: depths read on either side of a slice, 1 to 64.
         bent_normals: whether bent normals are returned too: the mean unoccluded direction of each

@@ -77,7 +77,7 @@ class Hbao(SliceTechnique[HbaoParams]):
 @serialised
 def hbao(
     gbuffer: GBuffer | DeviceGBuffer,
-    radius: float = 0.5,
+    radius: float | None = None,
     slices: int | None = None,
     taps: int | None = None,
     *,
@@ -96,7 +96,8 @@ def hbao(
     Args:
         gbuffer: depth, and normals if there are any; taps reach into its margin, and into all its
             depth layers: a deeper one counts where those before it are out of the radius.
-        radius: distance up to which surfaces occlude, scene units, > 0.
+        radius: distance up to which surfaces occlude, scene units, > 0; by default 5 % of the
+            picture's diagonal where surfaces are seen.
         slices: pairs of opposite directions, 1 to 32.
         taps: depths read in each direction, 1 to 64.
         preset, error, budget_ms: at most one of them: where the fields that are not given come

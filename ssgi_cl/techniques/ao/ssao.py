@@ -20,6 +20,7 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, Struct, floats, ints
 from ssgi_cl.techniques.ao.occlusion import OcclusionKeywords, OcclusionParams, OcclusionTechnique, made_for
+from ssgi_cl.techniques.radius import sensible_radius
 from ssgi_cl.techniques.source import Source, border_values, check_size
 from ssgi_cl.techniques.technique import Bench, Technique
 
@@ -268,7 +269,7 @@ class Ssao(OcclusionTechnique):
 @serialised
 def ssao(
     gbuffer: GBuffer | DeviceGBuffer,
-    radius: ArrayLike = 0.5,
+    radius: ArrayLike | None = None,
     samples: int | None = None,
     *,
     preset: str | None = None,
@@ -286,7 +287,8 @@ def ssao(
 
     Args:
         gbuffer: depth, and normals if there are any; with a margin, samples reach into it.
-        radius: of the ball in scene units, > 0; up to 4 values, of which the greatest occlusion
+        radius: of the ball in scene units, > 0, by default 5 % of the picture's diagonal where surfaces
+            are seen; up to 4 values, of which the greatest occlusion
             counts in each pixel.
         samples: points per pixel, 1 to 256; by default 16, or the preset's.
         preset, error, budget_ms: at most one of them: where the fields that are not given come
@@ -301,7 +303,7 @@ def ssao(
         TypeError, ValueError: a parameter of the wrong type or out of range; the message says
             which, its value and what is allowed.
     """
-    radii = checks.as_array("radius", radius)
+    radii = checks.as_array("radius", sensible_radius(gbuffer) if radius is None else radius)
     if radii.dtype.kind not in "fiu":
         raise TypeError(f"radius is {radius!r}: expected 1 to 4 numbers (scene units)")
     technique, device = made_for(

@@ -12,6 +12,7 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.techniques import presets
 from ssgi_cl.techniques.presets.speed_model import predicted_ms
+from ssgi_cl.techniques.radius import sensible_radius
 
 if TYPE_CHECKING:
     from ssgi_cl.techniques.ao.occlusion import OcclusionTechnique
@@ -111,10 +112,8 @@ def params_for(
     Raises:
         TypeError, ValueError: as `choice_for`, and as the technique's parameters.
     """
-
-    if not isinstance(gbuffer, (GBuffer, DeviceGBuffer)):
-        raise TypeError(f"gbuffer is {type(gbuffer).__name__}: expected GBuffer or DeviceGBuffer")
     given = {name: value for name, value in given.items() if value is not None}
+    given["radius"] = sensible_radius(gbuffer, given.get("radius"))
     asked = {name: given.pop(name) for name in ASKED if name in given}
     if not asked:
         return technique.defaults(**given)

@@ -24,6 +24,7 @@ from ssgi_cl.techniques.ao.occlusion import RESOLUTIONS
 from ssgi_cl.techniques.direct.light_data import PunctualLights
 from ssgi_cl.techniques.direct.shadow_maps import checked_lights, uploaded_maps
 from ssgi_cl.techniques.direct.sky import Sky
+from ssgi_cl.techniques.radius import sensible_radius
 from ssgi_cl.techniques.ssdo.ssdo_bitmask import SsdoBitmask, SsdoBitmaskParams, closed_sides
 from ssgi_cl.techniques.ssdo.ssdo_params import METHODS, SsdoKeywords, SsdoParams
 from ssgi_cl.techniques.ssdo.ssdo_points import SsdoPoints
@@ -245,7 +246,7 @@ class Ssdo(Prepared[SsdoParams]):
 def ssdo(
     gbuffer: GBuffer | DeviceGBuffer,
     lights: Sequence[Light],
-    radius: float = 0.5,
+    radius: float | None = None,
     *,
     shadow_maps: Sequence[ReflectiveShadowMap | None] | None = None,
     radiance: ArrayLike | None = None,
@@ -273,7 +274,8 @@ def ssdo(
         lights: any number of lights. Near surfaces occlude the light of environments by direction.
             Punctual lights have the shadows of their map or, without one, of the visible surfaces
             within the radius.
-        radius: distance up to which surfaces occlude and send light, scene units, > 0.
+        radius: distance up to which surfaces occlude and send light, scene units, > 0; by default 5 % of the
+            picture's diagonal where surfaces are seen.
         shadow_maps: for each light its reflective shadow map, whose depth casts its shadow, or None.
         radiance: of the surfaces, W m^-2 sr^-1, >= 0, if it is known: [rows, columns, 3] of the
             size of the depth, or [layers, rows, columns, 3]; by default computed from lights,
@@ -292,7 +294,7 @@ def ssdo(
         TypeError, ValueError: an argument of the wrong type, shape or range.
     """
     lights = checked_lights(lights, shadow_maps)
-    chosen = SsdoParams(radius=radius, **params)
+    chosen = SsdoParams(radius=sensible_radius(gbuffer, radius), **params)
     device = on_device(gbuffer, runtime)
     if device.camera is None:
         raise ValueError("the device G-buffer is empty: draw or upload something first")

@@ -1,0 +1,32 @@
+"""Radius of ambient occlusion and of SSDO: a default that suits what is seen, and a warning of one that does not."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.seen_extent import RADIUS_SHARE, seen_extent, sparse, warn_of_radius
+from ssgi_cl.device.gbuffer import DeviceGBuffer
+
+
+def sensible_radius(gbuffer: GBuffer | DeviceGBuffer, radius: Any = None) -> Any:
+    """Return `radius`, a number or several, by default 5 % of the picture's diagonal where surfaces are seen.
+
+    `RadiusWarning`: one reaches less than a pixel, or over the image, in a `GBuffer`.
+    """
+    if not isinstance(gbuffer, (GBuffer, DeviceGBuffer)):
+        raise TypeError(f"gbuffer is {type(gbuffer).__name__}: expected GBuffer or DeviceGBuffer")
+    if radius is None:
+        on_device = isinstance(gbuffer, DeviceGBuffer)
+        depth = gbuffer.depth.download()[0] if on_device else gbuffer.first("depth")
+        if gbuffer.camera is None or depth is None:
+            raise ValueError("the device G-buffer is empty: draw or upload something first")
+        extent = seen_extent(gbuffer.camera, sparse(depth))
+        return RADIUS_SHARE * extent if math.isfinite(extent) else 1.0
+    if isinstance(gbuffer, GBuffer):
+        depth = gbuffer.first("depth")
+        assert depth is not None  # noqa: S101  every G-buffer has one
+        for each in radius if isinstance(radius, tuple) else (radius,):
+            warn_of_radius(each, gbuffer.camera, depth)
+    return radius

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import Floats, GBuffer
 from ssgi_cl.core.seen_extent import RADIUS_SHARE, seen_extent, sparse, warn_of_radius
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 
@@ -18,15 +19,21 @@ def sensible_radius(gbuffer: GBuffer | DeviceGBuffer, radius: Any = None) -> Any
     if not isinstance(gbuffer, (GBuffer, DeviceGBuffer)):
         raise TypeError(f"gbuffer is {type(gbuffer).__name__}: expected GBuffer or DeviceGBuffer")
     if radius is None:
-        on_device = isinstance(gbuffer, DeviceGBuffer)
-        depth = gbuffer.depth.download()[0] if on_device else gbuffer.first("depth")
-        if gbuffer.camera is None or depth is None:
-            raise ValueError("the device G-buffer is empty: draw or upload something first")
-        extent = seen_extent(gbuffer.camera, sparse(depth))
+        camera, depth = _seen(gbuffer)
+        extent = seen_extent(camera, sparse(depth))
         return RADIUS_SHARE * extent if math.isfinite(extent) else 1.0
     if isinstance(gbuffer, GBuffer):
-        depth = gbuffer.first("depth")
-        assert depth is not None  # noqa: S101  every G-buffer has one
+        camera, depth = _seen(gbuffer)
         for each in radius if isinstance(radius, tuple) else (radius,):
-            warn_of_radius(each, gbuffer.camera, depth)
+            warn_of_radius(each, camera, depth)
     return radius
+
+
+def _seen(gbuffer: GBuffer | DeviceGBuffer) -> tuple[Camera, Floats]:
+    """Return the camera and the depth of the front layer."""
+    if isinstance(gbuffer, GBuffer):
+        depth: Any = gbuffer.first("depth")
+        return gbuffer.camera, depth
+    if gbuffer.camera is None:
+        raise ValueError("the device G-buffer is empty: draw or upload something first")
+    return gbuffer.camera, gbuffer.depth.download()[0]

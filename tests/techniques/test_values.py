@@ -49,8 +49,12 @@ def on_map(function: Callable[..., Any], number: int = 0) -> Callable[..., Any]:
     return lambda given, **params: function(given.gbuffer, given.maps[number], **params)
 
 
+def by_sources(given: Inputs, **params: Any) -> Any:
+    return gi.ssdo(given.gbuffer, given.lights[:3], **params)
+
+
 def of_views(given: Inputs, **params: Any) -> Any:
-    return gi.ssdo(given.gbuffer, given.lights[:3], auxiliary_views=[given.view], **params)
+    return by_sources(given, auxiliary_views=[given.view], **params)
 
 
 def lit(given: Inputs, **params: Any) -> Any:
@@ -118,22 +122,25 @@ CASES = {
     "hbao": Case(
         on_gbuffer(gi.hbao),
         gi.HbaoParams,
-        {"taps": 4, "angle_bias": 0.1},
+        {"taps": 4, "angle_bias": 0.1, "blur_radius": 0},
         {"attenuation": 0.2, "angle_bias": 0.5, **SLICES},
     ),
     "gtao": Case(
         on_gbuffer(gi.gtao),
         gi.GtaoParams,
-        {"taps": 4, "falloff": 0.6, "thin_occluder": 0.2, "bent_normals": True},
+        {"taps": 4, "falloff": 0.6, "thin_occluder": 0.2, "bent_normals": True, "blur_radius": 0},
         {"falloff": 0.9, "thin_occluder": 1.0, **SLICES},
     ),
     "bitmask_ao": Case(
-        on_gbuffer(gi.bitmask_ao), gi.BitmaskParams, {"taps": 6}, {"thickness": 0.9, "slack": 2.0, **SLICES}
+        on_gbuffer(gi.bitmask_ao),
+        gi.BitmaskParams,
+        {"taps": 6, "blur_radius": 0},
+        {"thickness": 0.9, "slack": 2.0, **SLICES},
     ),
     "ssdo": Case(
-        lit,
+        by_sources,
         gi.SsdoParams,
-        {"taps": 4, "thickness": 0.1, "resolution": "half"},
+        {"taps": 4, "thickness": 0.1, "resolution": "half", "shadow_taps": 0},
         {"radius": 0.9, "thickness": 0.8, **NEAR},
     ),
     "ssdo, auxiliary camera": Case(of_views, gi.SsdoParams, {"taps": 4, "slices": 1}, {"radius": 0.9, **NEAR}),
@@ -144,10 +151,7 @@ CASES = {
         {"radius": 0.9, "thickness": 0.8, **NEAR},
     ),
     "ssdo, published": Case(
-        lit,
-        gi.SsdoParams,
-        {"method": "published", "samples": 4},
-        {"radius": 0.9, "strength": 2.0, "nearest_distance": 0.2, **NEAR},
+        lit, gi.SsdoParams, {"method": "published"}, {"radius": 0.9, "strength": 2.0, "nearest_distance": 0.2, **NEAR}
     ),
     "rsm_gather": Case(
         on_map(gi.rsm_gather), gi.RsmGatherParams, {"samples": 50, "pattern": "rotated"}, {"radius": 0.3}

@@ -49,12 +49,13 @@ def on_map(function: Callable[..., Any], number: int = 0) -> Callable[..., Any]:
     return lambda given, **params: function(given.gbuffer, given.maps[number], **params)
 
 
-def by_sources(given: Inputs, **params: Any) -> Any:
-    return gi.ssdo(given.gbuffer, given.lights[:3], **params)
+def by_a_lamp(given: Inputs, **params: Any) -> Any:
+    return gi.ssdo(given.gbuffer, given.lights[:1], **params)
 
 
 def of_views(given: Inputs, **params: Any) -> Any:
-    return by_sources(given, auxiliary_views=[given.view], **params)
+    maps = (*given.maps, None, None)
+    return gi.ssdo(given.single, given.lights, shadow_maps=maps, auxiliary_views=[given.view], **params)
 
 
 def lit(given: Inputs, **params: Any) -> Any:
@@ -122,7 +123,7 @@ CASES = {
     "hbao": Case(
         on_gbuffer(gi.hbao),
         gi.HbaoParams,
-        {"taps": 4, "angle_bias": 0.1, "blur_radius": 0},
+        {"angle_bias": 0.1, "blur_radius": 0},
         {"attenuation": 0.2, "angle_bias": 0.5, **SLICES},
     ),
     "gtao": Case(
@@ -132,15 +133,12 @@ CASES = {
         {"falloff": 0.9, "thin_occluder": 1.0, **SLICES},
     ),
     "bitmask_ao": Case(
-        on_gbuffer(gi.bitmask_ao),
-        gi.BitmaskParams,
-        {"taps": 6, "blur_radius": 0},
-        {"thickness": 0.9, "slack": 2.0, **SLICES},
+        on_gbuffer(gi.bitmask_ao), gi.BitmaskParams, {"blur_radius": 0}, {"thickness": 0.9, "slack": 2.0, **SLICES}
     ),
     "ssdo": Case(
-        by_sources,
+        by_a_lamp,
         gi.SsdoParams,
-        {"taps": 4, "thickness": 0.1, "resolution": "half", "shadow_taps": 0},
+        {"taps": 4, "slices": 1, "thickness": 0.1, "shadow_taps": 0},
         {"radius": 0.9, "thickness": 0.8, **NEAR},
     ),
     "ssdo, auxiliary camera": Case(of_views, gi.SsdoParams, {"taps": 4, "slices": 1}, {"radius": 0.9, **NEAR}),
@@ -151,7 +149,10 @@ CASES = {
         {"radius": 0.9, "thickness": 0.8, **NEAR},
     ),
     "ssdo, published": Case(
-        lit, gi.SsdoParams, {"method": "published"}, {"radius": 0.9, "strength": 2.0, "nearest_distance": 0.2, **NEAR}
+        lit,
+        gi.SsdoParams,
+        {"method": "published", "samples": 4},
+        {"radius": 0.9, "strength": 2.0, "nearest_distance": 0.2, **NEAR},
     ),
     "rsm_gather": Case(
         on_map(gi.rsm_gather), gi.RsmGatherParams, {"samples": 50, "pattern": "rotated"}, {"radius": 0.3}
@@ -215,7 +216,8 @@ MODES: dict[str, dict[str, Any]] = {
     "multires": {"indirect": "multires", "vpls": 64},
     "vpl": {"indirect": "vpl", "vpls": 64, "glossy_vpls": 16},
     "gather": {"indirect": "gather", "ao": False},
-    "ssdo": {"indirect": "ssdo", "layers": 2, "auxiliary_cameras": 2},
+    "ssdo": {"indirect": "ssdo"},
+    "ssdo, auxiliary cameras": {"indirect": "ssdo", "layers": 2, "auxiliary_cameras": 2},
     "ssdo as published": {"indirect": "ssdo", "method": "published"},
 }
 

@@ -258,7 +258,7 @@ def test_side_next_to_a_side_that_is_shown_is_not(runtime: Runtime) -> None:
 # ---- placement
 
 
-@pytest.fixture(scope="module", params=["cornell_box", "hall"])
+@pytest.fixture(scope="module", params=["cornell_box", pytest.param("hall", marks=pytest.mark.slow)])
 def seen(request: pytest.FixtureRequest) -> GBuffer:
     made = BUILTIN_SCENES[request.param]()
     return gi.rasterize.gbuffer(made.scene, made.camera(96, 64), overscan=0.1)

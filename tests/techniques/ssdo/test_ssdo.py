@@ -270,17 +270,6 @@ def test_without_bounce_only_the_sky_is_looked_for(runtime: Runtime, corner: GBu
     np.testing.assert_allclose(direct, expected, rtol=1e-5, atol=1e-6)
 
 
-def test_a_second_frame_allocates_and_builds_nothing(runtime: Runtime, corner: GBuffer) -> None:
-    device = on_device(corner, runtime)
-    params = SsdoParams(method="points")
-    technique = Ssdo(runtime, device.size, params, device.margin, 2, 2)
-    lights = [LAMP, SKY, IMAGE]
-    technique.run(device, lights)
-    before = runtime.allocated_bytes, runtime.builds
-    technique.run(device, lights)
-    assert (runtime.allocated_bytes, runtime.builds) == before
-
-
 # ---- shapes
 
 

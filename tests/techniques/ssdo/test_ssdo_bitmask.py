@@ -191,19 +191,6 @@ def test_sky_of_one_radiance_is_pi_l_a_however_small_the_radius(runtime: Runtime
         assert np.all(found[1][~there] == 0.0)
 
 
-def test_second_call_allocates_and_builds_nothing(runtime: Runtime, rng: np.random.Generator) -> None:
-    gbuffer = with_layers(rng)
-    device = uploaded(runtime, gbuffer)
-    sent, sky = runtime.plane(6, device.whole), Sky(runtime)
-    end = SsdoBitmask(runtime, gbuffer.size, None, gbuffer.margin, 2, masks=True)
-    sizes = []
-    for _ in range(2):
-        sky.set([IMAGE])
-        end.run(device, device, radiance=sent, sky=sky)
-        sizes.append((runtime.allocated_bytes, runtime.builds))
-    assert sizes[0] == sizes[1]
-
-
 def test_other_shapes_are_refused(runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer = with_layers(rng)
     device = uploaded(runtime, gbuffer)

@@ -165,18 +165,6 @@ def test_wall_that_only_another_camera_sees_sends_its_light_once(runtime: Runtim
     assert sums[1] == pytest.approx(sums[0], rel=0.1)
 
 
-def test_nothing_is_made_the_second_time(runtime: Runtime) -> None:
-    gbuffer = scene("corner", camera(size=SIZE), np.random.default_rng(1))
-    case = Case(runtime, gbuffer, own=np.ones((1, *SIZE, 3)))
-    other = uploaded(runtime, scene("corner", aside("perspective"), np.random.default_rng(1)))
-    records = records_of(runtime, other, np.ones((1, 31, 41, 3)))
-    counts = []
-    for _ in range(2):
-        add_point_view(case.points, case.plane, case.device, other, records)
-        counts.append((runtime.allocated_bytes, runtime.builds))
-    assert counts[0] == counts[1]
-
-
 # ---- bad input
 
 

@@ -307,25 +307,16 @@ def test_a_gbuffer_its_depth_and_device_memory_give_the_same(runtime: Runtime, s
     np.testing.assert_array_equal(views[0], views[2])
 
 
-@pytest.mark.parametrize("scale", [1e-3, 1e3])
-def test_the_unit_of_length_does_not_matter(seen: GBuffer, scale: float) -> None:
+@pytest.mark.parametrize(("scale", "shift"), [(1e-3, 0.0), (1e3, 0.0), (1.0, (-3.0, 7.0, 5.0))])
+def test_neither_the_unit_of_length_nor_the_origin_matters(seen: GBuffer, scale: float, shift: Any) -> None:
     camera, depth = seen.camera, depth_of(seen)
     view = camera.view.copy()
-    view[:3, 3] *= scale
-    scaled = replace(camera, view=view)
-    for one, other in zip(
-        auxiliary_cameras(camera, depth), auxiliary_cameras(scaled, depth * np.float32(scale)), strict=True
-    ):
-        np.testing.assert_allclose(other.position, one.position * scale, rtol=1e-5)
-
-
-def test_the_place_of_the_origin_does_not_matter(seen: GBuffer) -> None:
-    camera, depth, shift = seen.camera, depth_of(seen), np.array([-3.0, 7.0, 5.0])
-    view = camera.view.copy()
-    view[:3, 3] -= view[:3, :3] @ shift
+    view[:3, 3] = scale * view[:3, 3] - view[:3, :3] @ np.broadcast_to(shift, 3)
     moved = replace(camera, view=view)
-    for one, other in zip(auxiliary_cameras(camera, depth), auxiliary_cameras(moved, depth), strict=True):
-        np.testing.assert_allclose(other.position, one.position + shift, atol=1e-5)
+    for one, other in zip(
+        auxiliary_cameras(camera, depth), auxiliary_cameras(moved, depth * np.float32(scale)), strict=True
+    ):
+        np.testing.assert_allclose(other.position, one.position * scale + shift, rtol=1e-5, atol=1e-5 * scale)
 
 
 def test_sizes_are_parts_of_the_cameras() -> None:

@@ -19,6 +19,8 @@ from ssgi_cl.core.params import Params, parameter_fields
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.techniques.filters.upsample import UpsampleParams, coarse_size
 
+from .analytic import slow_but
+
 SIZE = (36, 48)
 NEAR = {"max_radius_px": 6.0}
 SLICES = {"radius": 0.9, "tap_power": 2.5, "bias": 0.1, "contrast": 2.0, **NEAR}
@@ -279,13 +281,8 @@ def test_every_value_is_tried() -> None:
         assert tried == value_names(kind), kind
 
 
-FAST = ("ssao", "gtao", "multires", "ssdo")
-"""Modes that every run takes; values of the others' techniques are those of `test_values_are_arguments`."""
-
-
-@pytest.mark.parametrize(
-    "name", [name if name in FAST else pytest.param(name, marks=pytest.mark.slow) for name in MODES]
-)
+# Values of the others' techniques are those of `test_values_are_arguments`.
+@pytest.mark.parametrize("name", slow_but(MODES, "ssao", "gtao", "multires", "ssdo"))
 def test_values_of_a_frame_are_arguments(runtime: Runtime, given: Inputs, name: str) -> None:
     def run(params: Mapping[str, Any]) -> list[str]:
         own = dict(params)

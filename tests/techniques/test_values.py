@@ -51,10 +51,6 @@ def on_map(function: Callable[..., Any], number: int = 0) -> Callable[..., Any]:
     return lambda given, **params: function(given.gbuffer, given.maps[number], **params)
 
 
-def by_a_lamp(given: Inputs, **params: Any) -> Any:
-    return gi.ssdo(given.gbuffer, given.lights[:1], **params)
-
-
 def of_views(given: Inputs, **params: Any) -> Any:
     maps = (*given.maps, None, None)
     return gi.ssdo(given.single, given.lights, shadow_maps=maps, auxiliary_views=[given.view], **params)
@@ -138,7 +134,7 @@ CASES = {
         on_gbuffer(gi.bitmask_ao), gi.BitmaskParams, {"blur_radius": 0}, {"thickness": 0.9, "slack": 2.0, **SLICES}
     ),
     "ssdo": Case(
-        by_a_lamp,
+        lambda given, **params: gi.ssdo(given.gbuffer, given.lights[:1], **params),
         gi.SsdoParams,
         {"taps": 4, "slices": 1, "thickness": 0.1, "shadow_taps": 0},
         {"radius": 0.9, "thickness": 0.8, **NEAR},

@@ -79,7 +79,7 @@ def test_a_plane_under_an_even_sky_gets_all_of_it_and_no_bounce(runtime: Runtime
 
 
 def test_bent_normals_change_neither_light(runtime: Runtime, corner: GBuffer) -> None:
-    front, lights = front_of(corner), [SKY, SUN]
+    front, lights = front_of(corner), [IMAGE, SUN]
     plain, bent = (ssdo(front, lights, bent_normals=b, runtime=runtime) for b in (False, True))
     for one, other in zip(plain, bent[:2], strict=True):
         np.testing.assert_array_equal(one, other)

@@ -133,7 +133,7 @@ def test_floor_by_a_lit_wall_receives_what_the_wall_covers(runtime: Runtime) -> 
     point = gbuffer.camera.unproject(np.asarray(gbuffer.depth, np.float32))
     wall = np.abs(point[..., 0]) < np.abs(point[..., 1])
     radiance = np.where(wall[None, ..., None], 3.0, 0.0) * np.ones(3)
-    found, _ = gathered(runtime, gbuffer, radiance.astype(np.float32), (), radius=1.0, slices=4, taps=32)
+    found, _ = gathered(runtime, gbuffer, radiance.astype(np.float32), (), radius=1.0)
     there = floor & (distance > 0.05) & (distance < 0.9)
     hidden = np.pi * 3.0 * (1.0 - found[0])
     # Between the last tap on the floor and the first on the wall the mean of both is taken: half

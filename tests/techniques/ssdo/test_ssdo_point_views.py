@@ -161,6 +161,7 @@ def test_wall_that_only_another_camera_sees_sends_its_light_once(runtime: Runtim
         # The wall hides a good part of the half ball over its foot, a few per cent of the image.
         assert found.visibility.mean() < before.visibility.mean() - 0.01
     assert sums[0] > before.bounce.mean() + 0.05
+    assert sums[1] > sums[0]
     # What the second one adds is at the edges of what the first of the two shows.
     assert sums[1] == pytest.approx(sums[0], rel=0.1)
 

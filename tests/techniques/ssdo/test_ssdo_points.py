@@ -69,8 +69,8 @@ def test_kernel_agrees_with_numpy_reference_in_every_scene_and_camera(
 
 
 VARIANTS: dict[str, dict[str, Any]] = {
-    "published": {"method": "published", "strength": 2.0, "nearest_distance": 0.3, "max_radius_px": 30.0},
-    "few": {"samples": 3, "max_radius_px": 9.0},
+    "published": {"method": "published", "strength": 2.0, "nearest_distance": 0.3, "max_radius_px": 3.0},
+    "few": {"samples": 3, "max_radius_px": 3.0},
     "many": {"samples": 33, "thickness": 0.2, "bias": 0.1},
 }
 STEPS = (1, 2, 4)

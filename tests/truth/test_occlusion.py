@@ -93,8 +93,8 @@ def inside_sphere(reach: float, attenuation: str, weighting: str) -> Case:
     else:
         hidden = 2.0 * (1.0 - math.exp(-k) * (1.0 + k)) / k**2 if cosine else (1.0 - math.exp(-k)) / k
     camera = Camera.look_at((0.1, 0.2, 0.3), (0.7, -0.5, 0.2), yfov=0.9, width=48, height=48)
-    # A facet is 0.02 wide: below that angle rays meet the next facet at a distance that is off
-    # by up to its size, 0.02 / reach, which 0.02 of all directions do ("uniform").
+    # A facet is 0.04 wide: below that angle rays meet the next facet at a distance that is off
+    # by up to its size, 0.04 / reach, which 0.04 of all directions do ("uniform").
     other = 5e-4
     return Case(fine_ball(), camera, reach, 1.0 - hidden, other, attenuation)
 

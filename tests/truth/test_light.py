@@ -6,7 +6,6 @@ import math
 import sys
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,9 +22,8 @@ from ssgi_cl.rasterize.raster.view import gbuffer
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.reference.direct.shade import direct_reference, world_surface
 from ssgi_cl.techniques.direct.shade import shade
-from ssgi_cl.truth import metrics, mitsuba_scene, path_tracer, store
+from ssgi_cl.truth import metrics, mitsuba_scene, path_tracer
 from ssgi_cl.truth.light import direct_light, one_bounce
-from ssgi_cl.truth.mitsuba_scene import MitsubaScene
 from ssgi_cl.truth.path_tracer import PathTracer
 from ssgi_cl.truth.radiance import radiance
 
@@ -39,35 +37,6 @@ SKY = [Environment(1.0)]
 
 
 # ---- the whole chain: units, cameras, materials
-
-
-@pytest.mark.slow
-def test_mitsubas_own_integrator_and_sensor_give_the_same_radiance() -> None:
-    camera = VIEW.camera(160, 120)
-    truth = direct_light(VIEW.scene, camera, VIEW.lights).mean
-    variant = mitsuba_scene.best_variant()
-    world = MitsubaScene.of(VIEW.scene, VIEW.lights, variant)
-    with mitsuba_scene.within(variant) as mi:
-        origin = VIEW.scene.origin
-        eye, target = (np.subtract(end, origin).tolist() for end in (VIEW.eye, VIEW.target))
-        sensor = mi.load_dict({
-            "type": "perspective",
-            "to_world": mi.ScalarTransform4f().look_at(eye, target, list(VIEW.up)),
-            "fov": math.degrees(VIEW.yfov), "fov_axis": "y",
-            "film": {"type": "hdrfilm", "width": 160, "height": 120, "rfilter": {"type": "box"}},
-        })  # fmt: skip
-        image = mi.render(world.scene, sensor=sensor, integrator=mi.load_dict({"type": "direct"}), spp=64)
-        rendered = np.array(image)[..., :3]
-    seen = gbuffer(VIEW.scene, camera)
-    radiance = albedo_of(seen) / math.pi * truth
-    # Mitsuba averages over pixels, and ours looks at their centres: edges differ.
-    inner = metrics.regions(seen)["elsewhere"] & ~edges_of(radiance)
-    assert inner.mean() > 0.3  # nearly half of the picture is border, nothing or edges
-    assert (inner & (radiance.max(axis=-1) > 0.0)).mean() > 0.1
-    difference = (rendered - radiance)[inner] / radiance[inner].mean()
-    # Its samples lie at random within pixels, across which radiance changes by a few percent.
-    assert np.abs(difference).mean() < 4e-3
-    assert abs(difference.mean()) < 4e-4, "such differences cancel"
 
 
 def albedo_of(seen: GBuffer) -> NDArray[np.float32]:
@@ -160,29 +129,6 @@ def test_far_from_the_origin_light_is_the_same() -> None:
         for s, c, light in ((VIEW.scene, camera, spot), (moved, camera_there, spot_there))
     ]
     np.testing.assert_allclose(bounces[0], bounces[1], rtol=1e-3)  # the same random numbers
-
-
-@pytest.mark.slow
-def test_without_llvm_the_same_is_found(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    camera = VIEW.camera(12, 9)
-    lights = [*VIEW.lights, Environment(np.linspace(0.1, 0.5, 24).reshape(2, 4, 3))]
-    calls = [
-        lambda: direct_light(VIEW.scene, camera, lights, 8),
-        lambda: one_bounce(VIEW.scene, camera, lights, 8),
-        lambda: one_bounce(VIEW.scene, camera, lights, 8, visibility=False),
-    ]
-    monkeypatch.setattr(mitsuba_scene, "best_variant", lambda: "scalar_rgb")
-    slow = [call() for call in calls]
-    monkeypatch.undo()
-    if mitsuba_scene.best_variant() == "scalar_rgb":
-        pytest.skip("no libLLVM of version 17 or later: there is nothing to compare with")
-    monkeypatch.setattr(store, "truth_folder", lambda: tmp_path)
-    fast = [call() for call in calls]
-    for one, two in zip(slow, fast, strict=True):
-        # The same random numbers: they differ by roundings, and where these decide what is hit.
-        assert one.key != two.key
-        np.testing.assert_allclose(one.mean.mean(), two.mean.mean(), rtol=0.01)
-        assert np.isclose(one.mean, two.mean, rtol=1e-3, atol=1e-4).mean() > 0.95
 
 
 def test_scale_of_the_scene_does_not_matter() -> None:

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight
-from ssgi_cl.core.scene import Material, Scene
-from ssgi_cl.truth import mitsuba_scene
+from ssgi_cl.core.lights import DirectionalLight, Environment, Light
+from ssgi_cl.core.scene import Material
 from ssgi_cl.truth.radiance import radiance
 
-from .surfaces import BOX, FLOOR, INSIDE, PATCH, ROUNDING, above, closely, down, grey, quads
-from .test_radiance import mitsubas_own
+from .surfaces import FLOOR, ROUNDING, above, closely, down, quads
 
 pytest.importorskip("mitsuba", reason="mitsuba is not installed (extra 'truth')")
 
@@ -74,34 +71,3 @@ def test_the_lobe_has_what_the_albedo_leaves() -> None:
     ]
     found = [radiance(scene, above(8, 6), sun, 4, 0).mean for scene in scenes]
     np.testing.assert_array_equal(found[0], found[1])
-
-
-def box(gloss: float) -> tuple[Scene, list[Light]]:
-    """Return a closed glossy box with a glowing patch and a point light."""
-    wall = glossy(gloss, (0.5, 0.4, 0.3), (0.3, 0.3, 0.2))
-    scene = quads(*BOX, PATCH, materials=[wall] * 6 + [grey(0.3, 5.0)])
-    return scene, [PointLight((0.5, 0.5, 0.5), 0.5)]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("open_to_a_sky", [False, True])
-def test_mitsubas_own_integrator_finds_the_same(open_to_a_sky: bool) -> None:
-    scene, lights = box(12.0)
-    if open_to_a_sky:
-        image = np.full((4, 8, 3), 0.3)
-        image[0, 3] = 9.0
-        sides = quads(*BOX[:5], materials=[glossy(12.0)])
-        scene, lights = sides, [Environment(image), PointLight((0.5, 0.5, 0.5), 0.5)]
-    found = radiance(scene, INSIDE, lights, 512, box_filter=True)
-    closely(found, *mitsubas_own(scene, lights, INSIDE, 128, rr_depth=8))
-
-
-@pytest.mark.slow
-def test_scalar_variant_agrees(monkeypatch: pytest.MonkeyPatch) -> None:
-    scene, lights = box(12.0)
-    camera = replace(INSIDE, width=6, height=4)
-    fast = radiance(scene, camera, lights, 256, 2, box_filter=True)
-    monkeypatch.setattr(mitsuba_scene, "best_variant", lambda: "scalar_rgb")
-    slow = radiance(scene, camera, lights, 32, 2, box_filter=True)
-    assert slow.key != fast.key
-    closely(fast, slow.mean, np.maximum(slow.error, 0.05 * slow.mean))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,6 @@ from numpy.typing import NDArray
 
 import ssgi_cl.truth.ray_ao as estimator
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.errors import MissingExtraError
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.runtime import Runtime
@@ -253,9 +251,7 @@ def test_whatever_changes_the_rays_makes_another_floor() -> None:
         (replace(seen, camera=camera("orthographic", (3, 6))), 1.0, 16, {}),
         (replace(seen, camera=camera(size=(1, 6))), 1.0, 16, {}),
         (seen, 2.0, 16, {}),
-        (seen, 1.0, 18, {}),
         (seen, 1.0, 16, {"joins": "layer"}),
-        (seen, 1.0, 16, {"weighting": "uniform"}),
         (seen, 1.0, 16, {"attenuation": "linear"}),
     ]
     keys = [layered_occlusion(*call[:-1], **call[-1]).key for call in calls]
@@ -270,7 +266,6 @@ def test_whatever_changes_the_rays_makes_another_floor() -> None:
     [
         ({"gbuffer": "depth.exr"}, TypeError, "gbuffer is str: expected an ssgi_cl.GBuffer"),
         ({"radius": -1.0}, ValueError, r"radius is -1\.0: expected a number > 0 \(scene units\)"),
-        ({"radius": "wide"}, TypeError, r"radius is 'wide': expected a number"),
         ({"rays": 0}, ValueError, r"rays is 0: expected an integer >= 1"),
         ({"joins": "never"}, ValueError, r"joins is 'never': expected one of 'surface'"),
         ({"weighting": "cos"}, ValueError, r"weighting is 'cos': expected one of 'cosine'"),
@@ -283,9 +278,3 @@ def test_bad_argument_is_named_and_nothing_is_kept(
     with pytest.raises(error, match=message):
         layered_occlusion(**{"gbuffer": covered(), "radius": 1.0, **arguments})
     assert not folder.exists()
-
-
-def test_missing_package_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "embreex", None)
-    with pytest.raises(MissingExtraError, match=r"ssgi-cl\[truth\]"):
-        layered_occlusion(covered(), 1.0)

@@ -5,7 +5,6 @@ Rays are drawn by a fixed rule, so that every test gives the same numbers in eve
 
 from __future__ import annotations
 
-import functools
 import math
 import sys
 from collections.abc import Callable
@@ -19,12 +18,11 @@ import pytest
 from numpy.typing import NDArray
 
 import ssgi_cl.truth.ray_ao as estimator
-import ssgi_cl.truth.store as store
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.errors import MissingExtraError, TruthError
+from ssgi_cl.core.errors import MissingExtraError
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.scene import Scene
-from ssgi_cl.truth import ambient_occlusion
+from ssgi_cl.truth import ambient_occlusion, layered_occlusion
 
 from ..closed_forms import (
     FAR,
@@ -71,32 +69,21 @@ def sphere(lift: float, weighting: str) -> Case:
     return Case(scene, camera, math.inf, 1.0 - hidden_by_sphere(camera, lift, weighting), 2e-4)
 
 
-@functools.cache
-def fine_ball() -> Scene:
-    mesh = ball(5)
-    return made(mesh.vertices, mesh.faces)
-
-
-def inside_sphere(reach: float, attenuation: str, weighting: str) -> Case:
+def inside_sphere(reach: float, weighting: str) -> Case:
     """A furnace with attenuation: from a sphere's inside at angle t, the wall is at 2 cos t.
 
-    With k = 2 / reach, what is hidden is the integral of W(k c) 2 c dc ("cosine") or W(k c) dc
-    over c = cos t in [0, min(1, 1 / k)].
+    With k = 2 / reach, what is hidden is the integral of exp(-k c) 2 c dc ("cosine") or
+    exp(-k c) dc over c = cos t in [0, 1].
     """
-    k, cosine = 2.0 / reach, weighting == "cosine"
-    if attenuation == "none":
-        hidden = min(1.0, 1.0 / k) ** (2 if cosine else 1)
-    elif attenuation == "linear":
-        hidden = 1.0 - 2.0 * k / 3.0 if cosine else 1.0 - k / 2.0
-    elif attenuation == "quadratic":
-        hidden = 1.0 - k * k / 2.0 if cosine else 1.0 - k * k / 3.0
-    else:
-        hidden = 2.0 * (1.0 - math.exp(-k) * (1.0 + k)) / k**2 if cosine else (1.0 - math.exp(-k)) / k
+    k = 2.0 / reach
+    hidden = (1.0 - math.exp(-k)) / k
+    if weighting == "cosine":
+        hidden = 2.0 * (1.0 - math.exp(-k) * (1.0 + k)) / k**2
+    mesh = ball()
     camera = Camera.look_at((0.1, 0.2, 0.3), (0.7, -0.5, 0.2), yfov=0.9, width=48, height=48)
     # A facet is 0.04 wide: below that angle rays meet the next facet at a distance that is off
     # by up to its size, 0.04 / reach, which 0.04 of all directions do ("uniform").
-    other = 5e-4
-    return Case(fine_ball(), camera, reach, 1.0 - hidden, other, attenuation)
+    return Case(made(mesh.vertices, mesh.faces), camera, reach, 1.0 - hidden, 5e-4, "exponential")
 
 
 CASES: dict[str, Callable[[str], Case]] = {
@@ -117,10 +104,7 @@ CASES: dict[str, Callable[[str], Case]] = {
     ),
     "sphere that touches the plane": lambda w: sphere(1.0, w),
     "sphere above the plane": lambda w: sphere(1.6, w),
-    "inside a sphere": lambda w: inside_sphere(1.3, "none", w),
-    "inside a sphere, linear": lambda w: inside_sphere(2.5, "linear", w),
-    "inside a sphere, quadratic": lambda w: inside_sphere(2.5, "quadratic", w),
-    "inside a sphere, exponential": lambda w: inside_sphere(2.5, "exponential", w),
+    "inside a sphere, exponential": lambda w: inside_sphere(2.5, w),
 }
 
 
@@ -276,37 +260,6 @@ def test_whatever_changes_the_rays_makes_another_truth(monkeypatch: pytest.Monke
     assert len(set(keys)) == len(keys)
 
 
-def test_interrupted_truth_goes_on_and_gives_bit_identical_results(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    whole = ambient_occlusion(*posts(), 1.0, 512)
-    store.clear()
-
-    def interrupt(done: float) -> None:
-        if done > 0.4:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        ambient_occlusion(*posts(), 1.0, 512, progress=interrupt)
-    assert [path.name.endswith(".partial.npz") for path in folder.iterdir()] == [True]
-    told: list[float] = []
-    assert same(ambient_occlusion(*posts(), 1.0, 512, progress=told.append), whole)
-    assert min(told) > 3 / 8  # three passes were there
-    assert [path.name.endswith(".partial.npz") for path in folder.iterdir()] == [False]
-
-
-def test_truth_of_another_resolution_in_its_place_is_refused(folder: Path) -> None:
-    scene, camera = posts()
-    ambient_occlusion(scene, camera, 1.0, 16)
-    (asked,) = folder.iterdir()
-    ambient_occlusion(scene, replace(camera, width=24, height=18), 1.0, 16)
-    (other,) = set(folder.iterdir()) - {asked}
-    other.replace(asked)
-    with pytest.raises(TruthError, match=r"size is \[18, 24\]: expected \[36, 48\].*--rebuild"):
-        ambient_occlusion(scene, camera, 1.0, 16)
-    assert ambient_occlusion(scene, camera, 1.0, 16, rebuild=True).mean.shape == (36, 48)
-
-
 # ---- bad input
 
 
@@ -338,3 +291,5 @@ def test_missing_package_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setitem(sys.modules, "embreex", None)
     with pytest.raises(MissingExtraError, match=r"ssgi-cl\[truth\]"):
         ambient_occlusion(*posts(), 1.0)
+    with pytest.raises(MissingExtraError, match=r"ssgi-cl\[truth\]"):
+        layered_occlusion(GBuffer(camera=posts()[1], depth=np.ones((36, 48), np.float32)), 1.0)

@@ -53,6 +53,7 @@ SCENES: dict[str, tuple[Scene, Camera, Sequence[Light]]] = {
     "glossy below a sky": (quads(*BOX[:5], materials=[GLOSSY]), INSIDE, [Environment(SKY), POINT]),
     "glossy": (box(GLOSSY), INSIDE, [POINT]),
     "panes": (box(Material(albedo=(0.5, 0.4, 0.3)), *PANES), INSIDE, [PointLight((0.6, 0.7, 0.6), 0.5)]),
+    "soft": (box(GLOSSY), INSIDE, [PointLight((0.5, 0.5, 0.5), 0.5, radius=0.1)]),
 }  # fmt: skip
 
 

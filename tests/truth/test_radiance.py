@@ -12,6 +12,7 @@ import pytest
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
+from ssgi_cl.core.scene import Scene
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.reference.direct.shade import sky_reference
 from ssgi_cl.truth import mitsuba_scene, radiance_tracer, store
@@ -86,18 +87,31 @@ def test_cut_out_emission_shines_where_it_is_not_cut_out() -> None:
 # ---- other truths
 
 
-@pytest.mark.slow
-def test_one_bounce_and_direct_light_add_up_to_the_radiance() -> None:
+def parlour() -> tuple[Scene, Camera, Sequence[Light]]:
     view = BUILTIN_SCENES["parlour"]()
-    camera = view.camera(48, 36)
+    return view.scene, view.camera(48, 36), view.lights
+
+
+def bright_texel() -> tuple[Scene, Camera, Sequence[Light]]:
+    """Return a wall on a floor, and a sky of which sampling by importance matters."""
+    image = np.full((8, 16, 3), 0.05)
+    image[1, 5] = 40.0
+    scene = quads(FLOOR, ((-1, 0, -1), (0, 2, 0), (0, 0, 2)), materials=[grey(0.6)])
+    camera = Camera.look_at((3, 3, 2), (0.5, 0, 0), width=24, height=16, yfov=0.4)
+    return scene, camera, [Environment(image)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("make", "paths"), [(parlour, 128), (bright_texel, 256)])
+def test_one_bounce_and_direct_light_add_up_to_the_radiance(make: Any, paths: int) -> None:
+    scene, camera, lights = make()
     variant = mitsuba_scene.best_variant()
     with mitsuba_scene.within(variant):
-        albedo = Albedo(view.scene, view.lights, variant).image(camera, 1, 0)
+        albedo = Albedo(scene, lights, variant).image(camera, 1, 0)
     assert (albedo > 0.0).any(axis=-1).all(), "something is seen everywhere"
-    direct, bounce = (make(view.scene, camera, view.lights, 128)
-                      for make in (direct_light, one_bounce))  # fmt: skip
+    direct, bounce = (make(scene, camera, lights, paths) for make in (direct_light, one_bounce))
     share = albedo / math.pi
-    found = [radiance(view.scene, camera, view.lights, 128, bounces) for bounces in (0, 1)]
+    found = [radiance(scene, camera, lights, paths, bounces) for bounces in (0, 1)]
     closely(found[0], share * direct.mean, share * direct.error)
     closely(found[1], share * (direct.mean + bounce.mean), share * np.hypot(direct.error, bounce.error))
 
@@ -130,25 +144,6 @@ def test_where_nothing_is_the_environments_are_seen(rng: np.random.Generator) ->
     assert (radiance(quads(PANEL, materials=[grey(0.0)]), camera, [], 1).mean == 0.0).all()
 
 
-@pytest.mark.slow
-def test_environment_image_reaches_the_last_vertex_too(rng: np.random.Generator) -> None:
-    # One bright texel, so that importance sampling matters; the same light as `direct_light`.
-    image = np.full((8, 16, 3), 0.05)
-    image[1, 5] = 40.0
-    wall = ((-1, 0, -1), (0, 2, 0), (0, 0, 2))
-    scene = quads(FLOOR, wall, materials=[grey(0.6)])
-    camera = Camera.look_at((3, 3, 2), (0.5, 0, 0), width=24, height=16, yfov=0.4)
-    lights = [Environment(image)]
-    direct, bounce = (make(scene, camera, lights, 256) for make in (direct_light, one_bounce))
-    share = 0.6 / math.pi
-    closely(radiance(scene, camera, lights, 256, 0), share * direct.mean, share * direct.error)
-    closely(
-        radiance(scene, camera, lights, 256, 1),
-        share * (direct.mean + bounce.mean),
-        share * np.hypot(direct.error, bounce.error),
-    )
-
-
 def test_box_filter_is_the_mean_of_sixteen_cameras() -> None:
     # A sphere of edges: a black grid before a glowing wall, without noise in either.
     bars = [((0.2 * i - 1.0, -1, 0), (0.07 + 0.01 * i, 0, 0), (0.3, 2, 0)) for i in range(10)]
@@ -156,9 +151,9 @@ def test_box_filter_is_the_mean_of_sixteen_cameras() -> None:
                   materials=[grey(0.0)] * 10 + [grey(0.0, 1.0)])  # fmt: skip
     camera = Camera.look_at((0, 0, 2), (0, 0, 0), width=24, height=16, yfov=0.8)
     fine = Camera.look_at((0, 0, 2), (0, 0, 0), width=96, height=64, yfov=0.8)
-    centres = radiance(scene, fine, [], 1).mean[..., 0]
+    centres = radiance(scene, fine, [], 1, 0).mean[..., 0]
     expected = centres.reshape(16, 4, 24, 4).mean(axis=(1, 3))
-    found = radiance(scene, camera, [], 256, box_filter=True).mean[..., 0]
+    found = radiance(scene, camera, [], 128, 0, box_filter=True).mean[..., 0]
     # 16 samples miss the area covered by an edge by at most about 1 / 8 of a pixel.
     np.testing.assert_allclose(found, expected, atol=0.13)
     assert abs(float((found - expected).mean())) < 0.01

@@ -159,6 +159,14 @@ def test_an_image_in_blocks_of_rows_is_the_same(monkeypatch: pytest.MonkeyPatch)
     assert whole.mean.any()
 
 
+@pytest.mark.parametrize("shape", [(7,), (3, 33), (2, 16)])
+def test_memory_for_mitsuba_is_aligned_row_by_row(shape: tuple[int, ...], rng: np.random.Generator) -> None:
+    for given in (rng.random(shape, np.float32), rng.integers(0, 99, shape, np.uint32)):
+        found = path_tracer.aligned(given)
+        np.testing.assert_array_equal(found, given)
+        assert {row.ctypes.data % 64 for row in np.atleast_2d(found)} == {0}
+
+
 @pytest.mark.slow
 def test_paths_in_parts_give_the_bits_of_all_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     lights = [*VIEW.lights, Environment((0.2, 0.4, 0.3))]

@@ -12,7 +12,6 @@ import pytest
 import trimesh
 from numpy.typing import NDArray
 
-import ssgi_cl.truth.ray_ao as estimator
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.scene import Scene
@@ -24,7 +23,6 @@ from ssgi_cl.truth.layer_mesh import JOINS, layer_mesh
 from ..closed_forms import hidden_by_wall, quads, with_mesh
 from ..techniques.analytic import CAMERAS, Plane, camera, tilted, trace
 from ..techniques.walls import wall_and_floor
-from .conftest import same
 
 pytest.importorskip("embreex", reason="embreex is not installed (extra 'truth')")
 
@@ -220,22 +218,6 @@ def test_whatever_the_layers_hold_the_result_is_in_range(
 
 
 # ---- kept
-
-
-def test_kept_floor_is_returned_without_a_ray(monkeypatch: pytest.MonkeyPatch) -> None:
-    told: list[float] = []
-    first = layered_occlusion(covered(), 1.0, 512, progress=told.append)
-    assert told == sorted(told)
-    assert told[-1] == 1.0
-    assert first.passes == 8
-
-    def never(*arguments: Any, **options: Any) -> Any:
-        raise AssertionError("rays were cast")
-
-    monkeypatch.setattr(estimator.RayAo, "__call__", never)
-    assert same(layered_occlusion(covered(), 1.0), first)
-    with pytest.raises(AssertionError, match="rays were cast"):
-        layered_occlusion(covered(), 1.0, rebuild=True)
 
 
 def test_whatever_changes_the_rays_makes_another_floor() -> None:

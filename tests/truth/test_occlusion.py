@@ -9,6 +9,7 @@ import math
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -220,16 +221,23 @@ def posts() -> tuple[Scene, Camera]:
     return quads(((-4, 0, -4), (0, 0, 8), (8, 0, 0)), post), camera
 
 
-def test_kept_truth_is_returned_without_a_ray(monkeypatch: pytest.MonkeyPatch) -> None:
-    first = ambient_occlusion(*posts(), 1.0, 128)
+@pytest.mark.parametrize("layered", [False, True])
+def test_kept_truth_is_returned_without_a_ray(monkeypatch: pytest.MonkeyPatch, layered: bool) -> None:
+    scene, camera = posts()
+    seen = GBuffer(camera=camera, depth=np.full(camera.size, 2.0, np.float32))
+    call = partial(layered_occlusion, seen) if layered else partial(ambient_occlusion, scene, camera)
+    told: list[float] = []
+    first = call(1.0, 128, progress=told.append)
+    assert told == sorted(told)
+    assert told[-1] == 1.0
 
     def never(*arguments: Any, **options: Any) -> Any:
         raise AssertionError("rays were cast")
 
-    monkeypatch.setattr(estimator, "ray_ao", never)
-    assert same(ambient_occlusion(*posts(), 1.0, 128), first)
+    monkeypatch.setattr(estimator.RayAo, "__call__", never)
+    assert same(call(1.0, 128), first)
     with pytest.raises(AssertionError, match="rays were cast"):
-        ambient_occlusion(*posts(), 1.0, 128, rebuild=True)
+        call(1.0, 128, rebuild=True)
 
 
 def test_whatever_changes_the_rays_makes_another_truth(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,6 +15,7 @@ from ssgi_cl.techniques.ao.bitmask_ao import BitmaskParams, bitmask_ao
 from ssgi_cl.techniques.ao.gtao import GtaoParams, gtao
 from ssgi_cl.techniques.ao.hbao import HbaoParams, hbao
 from ssgi_cl.techniques.ao.ssao import SsaoParams
+from ssgi_cl.truth.pixels import spread_pixels
 from ssgi_cl.truth.slices import converged
 
 from ..closed_forms import hidden_by_wall
@@ -139,6 +140,18 @@ def test_only_some_pixels_are_computed_the_others_are_unknown(rng: np.random.Gen
     assert 0.0 < np.sqrt(np.mean(apart**2)) < 1.5 * said
     again = converged(gbuffer, GtaoParams(radius=0.6), pixels=80, slices=32, rebuild=True)
     np.testing.assert_array_equal(part.mean, again.mean)
+
+
+def test_pixels_are_spread_evenly_over_the_mask() -> None:
+    seen = np.ones((60, 80), bool)
+    seen[:, 40:] = False
+    rows, columns = spread_pixels(seen, 400)
+    assert len(rows) == len(set(zip(rows.tolist(), columns.tolist(), strict=True))) == 400
+    assert seen[rows, columns].all()
+    counts, _, _ = np.histogram2d(rows, columns, bins=(4, 4), range=((0, 60), (0, 40)))
+    # 25 in each of 16 parts on average; at random they would be off by 5.
+    assert np.abs(counts - 25).max() <= 5
+    assert len(spread_pixels(seen, 1 << 20)[0]) == 2400
 
 
 def test_what_is_no_part_of_the_model_changes_nothing(rng: np.random.Generator) -> None:

@@ -47,21 +47,16 @@ DAMAGE: dict[str, tuple[Callable[[Path], object], str]] = {
 @pytest.mark.parametrize("name", DAMAGE)
 def test_damaged_file_is_refused_with_its_name_and_the_remedy(tmp_path: Path, name: str) -> None:
     damage, message = DAMAGE[name]
-    kept(tmp_path)
+    whole = kept(tmp_path)
     path = the_file(tmp_path)
     damage(path)
     with pytest.raises(TruthError, match=message) as caught:
         kept(tmp_path)
     assert str(path) in str(caught.value)
     assert "delete it, or run ssgi truth --rebuild" in str(caught.value)
-
-
-@pytest.mark.parametrize("name", ["cut", "other size"])
-def test_rebuild_mends_a_damaged_file(tmp_path: Path, name: str) -> None:
-    whole = kept(tmp_path)
-    DAMAGE[name][0](the_file(tmp_path))
-    assert same(kept(tmp_path, rebuild=True), whole)
-    assert same(kept(tmp_path), whole)
+    if path.is_file():
+        assert same(kept(tmp_path, rebuild=True), whole)
+        assert same(kept(tmp_path), whole)
 
 
 def test_any_flipped_byte_is_noticed_or_harmless(tmp_path: Path) -> None:

@@ -38,12 +38,6 @@ SKY = [Environment(1.0)]
 # ---- the whole chain: units, cameras, materials
 
 
-def albedo_of(seen: GBuffer) -> NDArray[np.float32]:
-    albedo = seen.first("albedo")
-    assert albedo is not None
-    return albedo
-
-
 def edges_of(image: NDArray[np.float32], reach: int = 2) -> NDArray[np.bool_]:
     """Return the pixels near a step of more than 20 % from a pixel to the next."""
     level = image.max(axis=-1).astype(np.float64)
@@ -70,7 +64,9 @@ def test_shading_of_the_cornell_box_is_within_a_percent_of_truth(
     maps = [rsm(VIEW.scene, light, size=1024, runtime=runtime) for light in VIEW.lights]  # type: ignore[arg-type]
     ours = shade(dull, VIEW.lights, shadow_maps=maps, runtime=runtime)
     truth = direct_light(VIEW.scene, camera, VIEW.lights).mean
-    expected = albedo_of(seen) / math.pi * truth
+    albedo = seen.first("albedo")
+    assert albedo is not None
+    expected = albedo / math.pi * truth
     counted = np.isfinite(np.asarray(seen.depth)) & ~edges_of(truth)
     assert counted.mean() > 0.5
     lit = counted & (truth.max(axis=-1) > 0.0)

@@ -17,20 +17,13 @@ from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.reference.direct.shade import sky_reference
 from ssgi_cl.truth import mitsuba_scene, radiance_tracer, store
 from ssgi_cl.truth.light import direct_light, one_bounce
-from ssgi_cl.truth.path_tracer import PathTracer, Surface
 from ssgi_cl.truth.radiance import radiance
 from ssgi_cl.truth.radiance_tracer import RadianceTracer
 
 from .surfaces import BOX, FLOOR, INSIDE, PANEL, above, closely, grey, quads
+from .test_mitsuba_scene import Albedo
 
 pytest.importorskip("mitsuba", reason="mitsuba is not installed (extra 'truth')")
-
-
-class Albedo(PathTracer):
-    """The reflectance of what is seen, without the mip levels that the rasteriser takes it from."""
-
-    def estimate(self, seen: Surface, numbers: Sequence[Any]) -> Any:
-        return seen.albedo
 
 
 # ---- closed forms

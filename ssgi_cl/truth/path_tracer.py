@@ -354,7 +354,7 @@ def aligned(array: NDArray[Any]) -> NDArray[Any]:
     Mitsuba's arrays take memory as it is, and a program is compiled for each pattern of which of
     its inputs are aligned: of the same paths, several.
     """
-    if np.ndim(array) == 0:  # of a scalar variant
+    if np.ndim(array) == 0 or not array.size:  # of a scalar variant, or of none
         return array
     item, count = array.dtype.itemsize, array.shape[-1]
     rows = np.atleast_2d(array)

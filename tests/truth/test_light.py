@@ -136,12 +136,12 @@ def test_an_image_in_blocks_of_rows_is_the_same(monkeypatch: pytest.MonkeyPatch)
     assert whole.mean.any()
 
 
-@pytest.mark.parametrize("shape", [(7,), (3, 33), (2, 16)])
+@pytest.mark.parametrize("shape", [(7,), (3, 33), (2, 16), (0,), (0, 5)])
 def test_memory_for_mitsuba_is_aligned_row_by_row(shape: tuple[int, ...], rng: np.random.Generator) -> None:
     for given in (rng.random(shape, np.float32), rng.integers(0, 99, shape, np.uint32)):
         found = path_tracer.aligned(given)
         np.testing.assert_array_equal(found, given)
-        assert {row.ctypes.data % 64 for row in np.atleast_2d(found)} == {0}
+        assert {row.ctypes.data % 64 for row in np.atleast_2d(found) if row.size} <= {0}
 
 
 @pytest.mark.slow

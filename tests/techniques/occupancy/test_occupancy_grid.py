@@ -24,7 +24,7 @@ from ssgi_cl.techniques.vpl.vpl_splat import VplSplat, VplSplatParams, vpl_splat
 
 from ...closed_forms import Quad, quads
 from ...closed_forms import made as scene_of
-from ...truth.test_light import quads as textured_quads
+from ...truth.surfaces import quads as textured_quads
 from ..vpl.given import uploaded
 
 Doubles = NDArray[np.float64]

@@ -30,7 +30,7 @@ INSIDE = inside(24, 16)
 
 
 def radiance(runtime: Runtime, scene: Scene, lights: Any, camera: gi.Camera = INSIDE, **given: Any) -> Floats:
-    given = {"preset": "low", "shadow_size": 256, "exposure": 1.0, **given}
+    given = {"preset": "low", "shadow_size": 256, "rsm_size": 64, "exposure": 1.0, **given}
     frame = gi.render(scene, camera, lights, runtime=runtime, **given)
     assert np.isfinite(frame.radiance).all()
     return frame.radiance

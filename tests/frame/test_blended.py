@@ -68,9 +68,9 @@ VIEW = gi.Camera.look_at((0.3, 0.1, 3.5), (0, 0, 0), yfov=0.6, width=80, height=
 LOW: dict[str, Any] = {"preset": "low", **MAPS}
 MODES: dict[str, dict[str, Any]] = {
     "whole": LOW,
-    "direct": {"bounces": 0},
-    "ssdo": {"indirect": "ssdo", "overscan": 0.1},
-    "multires": {"indirect": "multires"},
+    "direct": {"bounces": 0, "ao": False},
+    "ssdo": {"indirect": "ssdo", "overscan": 0.1, "layers": 2},
+    "multires": {"indirect": "multires", **MAPS},
 }
 FEWER_MODES = pytest.mark.parametrize(
     "mode", ["whole", "direct", *(pytest.param(mode, marks=pytest.mark.slow) for mode in ("ssdo", "multires"))]
@@ -103,7 +103,8 @@ def test_surfaces_without_albedo_show_what_is_behind_them(runtime: Runtime, mode
     camera = ahead()
     parts = [(0.2, -1.0, 1.0, WALL), (-0.6, 0.0, 0.6, GLASS), (0.0, 1.0, 0.5, SMOKE),
              (0.1, 2.0, 0.3, GLASS)]  # fmt: skip
-    found = radiance(runtime, squares(*parts), camera, [gi.Environment(SKY)], **MODES[mode])
+    lights = [gi.Environment(SKY), gi.SpotLight((0, 0, 5), (0, 0, -1), 0.5, 1.0)]
+    found = radiance(runtime, squares(*parts), camera, lights, **MODES[mode])
     expected = np.tile(np.array(SKY), (*camera.size, 1))
     for number, part in enumerate(parts):
         where = covers(camera, part)
@@ -134,8 +135,10 @@ def test_the_sky_lights_layers_in_every_mode(runtime: Runtime, mode: str) -> Non
 def test_what_is_behind_a_wall_changes_nothing(runtime: Runtime) -> None:
     camera, lights = ahead(), [gi.Environment(SKY), gi.PointLight((1.0, 1.0, 4.0), 20.0)]
     wall = (0.0, 0.0, 1.5, Material())
-    alone = radiance(runtime, squares(wall), camera, lights, **LOW)
-    behind = radiance(runtime, squares(wall, (0.0, -0.5, 1.0, GLASS)), camera, lights, **LOW)
+    alone, behind = (
+        radiance(runtime, squares(wall, *more), camera, lights, ao=False, **LOW)
+        for more in ((), [(0.0, -0.5, 1.0, GLASS)])
+    )
     np.testing.assert_array_equal(behind, alone)
 
 

@@ -10,6 +10,7 @@ import ssgi_cl as gi
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.params import PRESETS, FrameParams, WholeFrameParams
 from ssgi_cl.rasterize.scenes import make_scene
+from ssgi_cl.techniques.catalogue import TECHNIQUES
 
 
 def test_another_radius_runs_occlusion_and_what_reads_it(runtime: Runtime) -> None:
@@ -61,6 +62,13 @@ def test_another_radius_runs_occlusion_and_what_reads_it(runtime: Runtime) -> No
 def test_bad_parameters_are_refused(params: Any, given: dict[str, Any], error: type[Exception], message: str) -> None:
     with pytest.raises(error, match=message):
         params(**given)
+
+
+@pytest.mark.parametrize("name", ["ssao", "hbao", "gtao", "bitmask_ao"])
+def test_ambient_occlusion_is_that_of_the_name(name: str) -> None:
+    chosen = FrameParams(ao=name, ao_radius=0.3).techniques(1.0)[0]
+    assert type(chosen) is TECHNIQUES[name].params
+    assert chosen.radius in (0.3, (0.3,))
 
 
 def test_arguments_choose_the_whole_picture_or_a_technique() -> None:

@@ -72,11 +72,11 @@ def test_lights_that_shine_on_layers_alone_are_not_idle(runtime: Runtime) -> Non
     scene = squares((0.0, -1.0, 0.6, Material()), (0.6, 0.9, 0.3, replace(THIN, alpha=0.9)))
     options: dict[str, Any]
     for options in ({"preset": "low"}, {"bounces": 0}):
-        found, expected, dark = (
+        found, expected = (
             gi.render(
-                scene, CAMERA, lights, runtime=runtime, outputs=["radiance"], skips=skips, ao=False, **MAPS, **options
+                scene, CAMERA, [spot], runtime=runtime, outputs=["radiance"], skips=skips, ao=False, **MAPS, **options
             ).radiance
-            for lights, skips in (([spot], True), ([spot], False), ([], True))
+            for skips in (True, False)
         )
-        assert np.any(expected > dark + 0.01)
+        assert np.any(expected > 0.01)
         np.testing.assert_array_equal(found, expected)

@@ -128,6 +128,7 @@ def test_scene_light_is_kept_while_only_the_camera_moves(runtime: Runtime) -> No
     assert "no environment shines" in skipped["sky light"]
 
 
+@pytest.mark.slow
 def test_skips_leave_the_same_bits(runtime: Runtime) -> None:
     built = make_scene("terrace")
     given: dict[str, Any] = {"preset": "low", "exposure": 1.0, **MAPS}
@@ -178,22 +179,18 @@ def test_glossy_surfaces_mirror_what_paths_find(runtime: Runtime) -> None:
     assert off < 0.2
 
 
-@pytest.mark.parametrize(("sun", "sky"), [(False, True), (True, False)])
-def test_a_glossy_wall_alone_reflects_sun_and_sky(runtime: Runtime, sun: bool, sky: bool) -> None:
-    # No surface sees another, so that there are no surfels and, without the sun, no lights either.
+def test_a_glossy_wall_alone_reflects_sun_and_sky(runtime: Runtime) -> None:
+    # No surface sees another, so that there are no surfels.
     wall = scene_of(
         [[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]],
         halves([(0, 1, 2, 3)]),
         Material(albedo=(0.3,) * 3, specular=(0.5,) * 3, gloss=50.0),
     )
     camera = gi.Camera.look_at((0, 0, 6), (0, 0, 0), yfov=0.2, width=61, height=47)
-    lights = [
-        *([gi.DirectionalLight((0.0, 0.0, -1.0), 2.0)] if sun else []),
-        *([gi.Environment((1.0, 1.0, 1.0))] if sky else []),
-    ]
+    lights = [gi.DirectionalLight((0.0, 0.0, -1.0), 0.2), gi.Environment((1.0, 1.0, 1.0))]
     found = radiance(wall, camera, lights, runtime, ao=False)[23, 30]
     lobe = (50.0 + 1.0) / (2.0 * math.pi)  # straight back
-    expected = 2.0 * (0.3 / math.pi + 0.5 * lobe) * sun + (0.3 + 0.5) * sky
+    expected = 0.2 * (0.3 / math.pi + 0.5 * lobe) + (0.3 + 0.5)
     # The sky's directions sum to 1 within 1 %.
     np.testing.assert_allclose(found, expected, rtol=0.01)
 

@@ -51,7 +51,6 @@ def test_another_radius_runs_occlusion_and_what_reads_it(runtime: Runtime) -> No
         (FrameParams, {"preset": "best"}, ValueError, r"preset is 'best': expected .*'low'.*'ultra'"),
         (FrameParams, {"bounces": 0, "preset": "low"}, ValueError, r"preset is 'low': expected None without bounces"),
         (FrameParams, {"bounces": 2, "indirect": "vpl"}, ValueError, r"bounces is 2: expected None or 0 with indirect"),
-        (FrameParams, {"layers": 0}, ValueError, r"layers is 0: expected an integer >= 1 and <= 16"),
         (WholeFrameParams, {"vpls": -5}, ValueError, r"vpls is -5: expected an integer >= 16 and <= 65536"),
         (WholeFrameParams, {"surfels": 0}, ValueError, r"surfels is 0: expected an integer"),
         (WholeFrameParams, {"error": -1}, ValueError, r"error is -1: expected a number"),

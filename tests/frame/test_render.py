@@ -82,16 +82,10 @@ def test_frame_holds_arrays_of_the_documented_shape_and_type(runtime: Runtime, s
     assert frame.ao.max() == 1.0
     for array in (frame.image, frame.radiance, frame.ao):
         assert array.flags.c_contiguous
-
-
-def test_passes_are_named_and_timed_in_the_order_they_ran(runtime: Runtime, small: Scene) -> None:
-    frame = render(small, viewer(), LIGHTS, bounces=0, shadow_size=128, runtime=runtime)
-    ran = names(frame)
     wanted = ["gbuffer_normals", "gtao", "shade_light", "shade_combine", "tonemap"]
-    first = [ran.index(name) for name in wanted]
+    first = [names(frame).index(name) for name in wanted]
     assert first == sorted(first)
-    assert all(p.ms >= 0.0 for p in frame.passes)
-    assert all(p.ms == 0.0 for p in frame.passes if p.skipped)
+    assert all(p.ms >= 0.0 and (p.ms == 0.0 or not p.skipped) for p in frame.passes)
     assert sum(p.ms for p in frame.passes) < frame.wall_ms
 
 
@@ -214,14 +208,7 @@ def box(runtime: Runtime, **options: Any) -> Frame:
 
 
 @pytest.mark.parametrize(
-    "options",
-    [
-        {"indirect": True},
-        pytest.param({"indirect": "vpl"}, marks=pytest.mark.slow),
-        {"indirect": "vpl", "layers": 2},
-        {"indirect": "gather"},
-    ],
-    ids=str,
+    "options", [{"indirect": True}, {"indirect": "vpl", "layers": 2}, {"indirect": "gather"}], ids=str
 )
 def test_indirect_light_brightens_what_the_light_does_not_reach(
     variant_runtime: Runtime, options: dict[str, Any]
@@ -382,16 +369,6 @@ def test_steady_frames_allocate_no_device_memory_and_compile_nothing(runtime: Ru
     assert (runtime.allocated_bytes, runtime.builds) == before
 
 
-def test_a_frame_does_not_depend_on_the_frames_before(runtime: Runtime, small: Scene) -> None:
-    renderer = Renderer(runtime, (48, 64), FrameParams(bounces=0, ao=SsaoParams(radius=0.3), shadow_size=128))
-    fresh = renderer(small, viewer(), [SUN, SKY])
-    renderer(small, viewer(), [LAMP, SPOT, SUN, SKY], exposure=3.0)
-    renderer(small, viewer(), [])
-    again = renderer(small, viewer(), [SUN, SKY])
-    np.testing.assert_array_equal(fresh.radiance, again.radiance)
-    np.testing.assert_array_equal(fresh.image, again.image)
-
-
 @pytest.mark.parametrize("size", [(1, 1), (1, 40), (3, 2), (5, 3), (17, 31), (31, 17)], ids=str)
 def test_odd_sizes(variant_runtime: Runtime, small: Scene, size: tuple[int, int]) -> None:
     frame = render(
@@ -400,14 +377,6 @@ def test_odd_sizes(variant_runtime: Runtime, small: Scene, size: tuple[int, int]
     assert frame.image.shape == (*size, 3)
     assert np.isfinite(frame.radiance).all()
     assert frame.exposure == auto_exposure(frame.radiance)
-
-
-def test_every_kernel_variant_draws_the_same_picture(runtime: Runtime, variant_runtime: Runtime, small: Scene) -> None:
-    a = render(small, viewer(), LIGHTS, bounces=0, shadow_size=128, runtime=runtime)
-    b = render(small, viewer(), LIGHTS, bounces=0, shadow_size=128, runtime=variant_runtime)
-    off = np.abs(a.image.astype(int) - b.image).max(axis=-1)
-    # A value may round to the next; where a device's division is not exact an edge may move.
-    assert np.mean(off > 1) < 2e-3
 
 
 def test_far_from_the_origin_the_picture_is_the_same(runtime: Runtime, small: Scene) -> None:
@@ -455,21 +424,15 @@ def test_automatic_exposure_undoes_the_brightness_of_the_light(runtime: Runtime,
         ({"camera": None}, TypeError, r"camera is None: expected an ssgi_cl.Camera"),
         ({"lights": [None]}, TypeError, r"lights\[0\] is NoneType: expected a light"),
         ({"layers": 0}, ValueError, r"layers is 0: expected an integer >= 1 and <= 16"),
-        ({"layers": 17}, ValueError, r"layers is 17"),
         ({"layers": 1.5}, TypeError, r"layers is 1.5: expected an integer"),
         ({"overscan": -0.1}, ValueError, r"overscan is -0.1: expected a number >= 0"),
-        ({"overscan": math.nan}, ValueError, r"overscan is nan"),
         ({"shadow_size": 8}, ValueError, r"shadow_size is 8: expected an integer >= 16.*texels"),
-        ({"shadow_size": 8193}, ValueError, r"shadow_size is 8193"),
         ({"rsm_size": 8}, ValueError, r"rsm_size is 8: expected an integer >= 16.*texels"),
         ({"exposure": 0}, ValueError, r"exposure is 0: expected a number > 0"),
-        ({"exposure": "bright"}, TypeError, r"exposure is 'bright'"),
         ({"curve": "log"}, ValueError, r"curve is 'log': expected one of 'clip', 'filmic'"),
         ({"ao_radius": -1.0}, ValueError, r"radius is -1.0: expected a number > 0.*scene units"),
-        ({"ao_radius": math.inf}, ValueError, r"radius is inf"),
         ({"ao": "ssao", "ao_samples": 0}, ValueError, r"samples is 0: expected an integer >= 1"),
         ({"ao_samples": 8}, ValueError, r"ao_samples is 8: expected None with ao=True"),
-        ({"ao": "hbao", "ao_samples": 8}, ValueError, r"ao_samples is 8: .* ao='hbao'"),
         ({"ao": "yes"}, ValueError, r"ao is 'yes': expected one of 'ssao', 'hbao'"),
         ({"ao": None}, TypeError, r"ao is None: expected True, False or the name"),
         ({"indirect": "rays"}, ValueError, r"indirect is 'rays': expected one of 'multires', "),

@@ -36,9 +36,9 @@ def test_apply_gives_what_the_library_gives(depth_file: Path, options: str, runt
 
 def test_apply_writes_bent_normals_beside_visibility(depth_file: Path, runtime: Runtime) -> None:
     output = depth_file.with_name("bent.exr")
-    succeeds("apply", "gtao", depth_file, "-o", output, "--set", "bent_normals=true")
+    succeeds("apply", "gtao", depth_file, "-o", output, "--set", "bent_normals=true", "--set", "blur_passes=0")
     gbuffer = GBuffer(camera=CAMERAS[""], depth=exr.read(depth_file)["Z"])
-    a, bent = gtao(gbuffer, bent_normals=True, runtime=runtime)
+    a, bent = gtao(gbuffer, bent_normals=True, blur_passes=0, runtime=runtime)
     channels = exr.read(output)
     assert set(channels) == {"ao", "bent.X", "bent.Y", "bent.Z"}
     np.testing.assert_array_equal(channels["ao"], a)
@@ -271,9 +271,6 @@ def test_apply_needs_a_file_and_an_output(depth_file: Path, tmp_path: Path) -> N
     assert "IN.exr" in fails(tmp_path, "apply", "ssao", "-o", tmp_path / "ao.exr")
     assert "--output" in fails(tmp_path, "apply", "ssao", depth_file)
     assert "'nonsense'" in fails(tmp_path, "apply", "nonsense", depth_file, "-o", "ao.exr")
-
-
-def test_apply_writes_exr_only(depth_file: Path, tmp_path: Path) -> None:
     message = fails(tmp_path, "apply", "ssao", depth_file, "-o", tmp_path / "ao.png")
     assert "expected a name that ends in .exr" in message
 

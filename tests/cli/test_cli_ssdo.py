@@ -93,14 +93,7 @@ def test_a_file_without_a_picture_is_refused(source: Path) -> None:
     assert "has no channel R, which --lit needs; it has Z" in message
 
 
-def test_method_as_published_has_knobs_of_its_own(source: Path, runtime: Runtime) -> None:
-    knobs = {"method": "published", "strength": 2, "nearest_distance": 0.5}
-    asked = [part for name, value in knobs.items() for part in ("--set", f"{name}={value}")]
-    images = applied(source, "--sky", 1, 1, 1, *asked)
-    options = {**OPTIONS, **knobs}
-    direct, bounce = ssdo(gbuffer_of(source), [Environment(1.0)], runtime=runtime, **options)
-    np.testing.assert_array_equal(images["direct"], direct)
-    np.testing.assert_array_equal(images["bounce"], bounce)
+def test_a_knob_of_another_method_is_refused(source: Path) -> None:
     output = source.with_name("other.exr")
     message = fails(source.parent, "apply", "ssdo", source, "-o", output, *SETTINGS, "--set", "strength=2")
     assert "strength=2 applies only to method='published' (got method='points')" in message

@@ -157,7 +157,7 @@ def test_ao_is_skipped_with_a_reason_where_there_is_no_ambient_light(runtime: Ru
 
 
 def test_ao_is_left_out_if_not_asked_for(runtime: Runtime, small: Scene) -> None:
-    frame = render(small, viewer(), [SKY], bounces=0, ao=False, runtime=runtime)
+    frame = render(small, viewer(), [SUN, SKY], bounces=0, ao=False, shadow_size=64, runtime=runtime)
     assert frame.ao is None
     assert frame.gbuffer is None
     assert not {"ssao", "gtao"} & {p.name for p in frame.passes}
@@ -409,8 +409,17 @@ def test_exposure_and_curve_are_those_given(runtime: Runtime, small: Scene) -> N
 @pytest.mark.parametrize("power", [1e-6, 1e6])
 def test_automatic_exposure_undoes_the_brightness_of_the_light(runtime: Runtime, small: Scene, power: float) -> None:
     dull = replace(small, material_ids=np.zeros(4, np.int32))
-    a = render(dull, viewer(), [SKY], bounces=0, runtime=runtime)
-    b = render(dull, viewer(), [Environment(power * np.asarray(SKY.radiance))], bounces=0, runtime=runtime)
+    a, b = (
+        render(
+            dull,
+            viewer(),
+            [DirectionalLight(SUN.direction, factor), Environment(factor * np.asarray(SKY.radiance))],
+            bounces=0,
+            shadow_size=64,
+            runtime=runtime,
+        )
+        for factor in (1.0, power)
+    )
     assert np.abs(a.image.astype(int) - b.image).max() <= 1  # a value may round to the next
 
 

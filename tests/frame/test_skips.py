@@ -21,7 +21,7 @@ from tools.figures.skips import SKIP_SCENES
 from ..cli.commands import DIRECT, answer, succeeds
 
 GLOW = Environment((0.3, 0.2, 0.4))
-SIZE = (80, 60)
+SIZE = (64, 48)
 MOVING = frozenset(SKIPS) - {"unchanged"}
 
 

@@ -27,7 +27,7 @@ SKY = gi.Environment((0.4, 0.6, 1.0))
 
 
 def radiance(scene: Scene, camera: gi.Camera, lights: Any, runtime: Runtime, **given: Any) -> Floats:
-    options = {"outputs": ["radiance"], "shadow_size": 256, "rsm_size": 64, "preset": "medium", **given}
+    options = {"outputs": ["radiance"], "shadow_size": 256, "rsm_size": 64, "preset": "medium", "ao": False, **given}
     if options.get("bounces") == 0:
         del options["preset"]
     return gi.render(scene, camera, lights, runtime=runtime, **options).radiance
@@ -47,7 +47,7 @@ def test_each_bounce_adds_its_share(runtime: Runtime) -> None:
         (0.5, "all", 2.0),
         (0.8, "all", 5.0),
     ):
-        found = radiance(cube(rho, 1.0), inside(40, 30), [], runtime, ao=False, bounces=bounces)
+        found = radiance(cube(rho, 1.0), inside(40, 30), [], runtime, bounces=bounces)
         assert found.mean() == pytest.approx(expected, rel=0.02), (rho, bounces)
 
 
@@ -62,7 +62,7 @@ BOX_PATHS = np.array([0.0221, 0.0826, 0.0794, 0.0164])
 
 def test_the_default_frame_is_as_bright_as_paths_find(runtime: Runtime) -> None:
     built = make_scene("cornell_box")
-    found = quarters(radiance(built.scene, built.camera(80, 60), built.own_lights, runtime, preset="high"))
+    found = quarters(radiance(built.scene, built.camera(80, 60), built.own_lights, runtime, ao=True, preset="high"))
     # The occupancy grid leaks and hides up to 14 % of a quarter. Direct light alone has 8 %.
     np.testing.assert_allclose(found, BOX_PATHS, rtol=0.16)
     assert found.mean() == pytest.approx(BOX_PATHS.mean(), rel=0.12)
@@ -74,7 +74,7 @@ def test_the_default_frame_is_near_a_path_tracer(runtime: Runtime, name: str) ->
     pytest.importorskip("mitsuba", reason="mitsuba is not installed (extra 'truth')")
     built = make_scene(name)
     camera, lights = built.camera(80, 60), built.own_lights
-    whole = radiance(built.scene, camera, lights, runtime, preset="high")
+    whole = radiance(built.scene, camera, lights, runtime, ao=True, preset="high")
     crude = radiance(built.scene, camera, lights, runtime, bounces=0)
     paths = gi.truth.radiance(built.scene, camera, lights, paths=64).mean
     if name == "cornell_box":
@@ -99,8 +99,8 @@ def test_the_default_frame_is_near_a_path_tracer(runtime: Runtime, name: str) ->
 def test_the_sky_is_hidden_at_any_distance(runtime: Runtime) -> None:
     # Through the one open side of a black cube; the radius of ambient occlusion is 3 % of it.
     scene, camera = cube(0.5, 0.0, sides=5), inside(80, 60)
-    seen = radiance(scene, camera, [SKY], runtime, bounces=1)
-    ambient = radiance(scene, camera, [SKY], runtime, bounces=0, ao_radius=0.06)
+    seen = radiance(scene, camera, [SKY], runtime, ao=True, bounces=1)
+    ambient = radiance(scene, camera, [SKY], runtime, ao=True, bounces=0, ao_radius=0.06)
     direct = 0.0627  # by `truth.direct_light` with 1024 paths
     assert seen.mean() < 0.6 * ambient.mean()
     # One bounce adds at most the albedo's share of what arrives.
@@ -168,7 +168,7 @@ def test_a_glossy_wall_alone_reflects_sun_and_sky(runtime: Runtime) -> None:
     )
     camera = gi.Camera.look_at((0, 0, 6), (0, 0, 0), yfov=0.2, width=61, height=47)
     lights = [gi.DirectionalLight((0.0, 0.0, -1.0), 0.2), gi.Environment((1.0, 1.0, 1.0))]
-    found = radiance(wall, camera, lights, runtime, ao=False)[23, 30]
+    found = radiance(wall, camera, lights, runtime)[23, 30]
     lobe = (50.0 + 1.0) / (2.0 * math.pi)  # straight back
     expected = 0.2 * (0.3 / math.pi + 0.5 * lobe) + (0.3 + 0.5)
     # The sky's directions sum to 1 within 1 %.
@@ -185,13 +185,13 @@ def test_a_mirror_shows_what_is_not_seen_or_the_sky(runtime: Runtime) -> None:
     ids = [0, 0, 1, 1, 2, 2]
     room, dark = (scene_of(points, quads, mirror, matt(0.0), matt(0.0, sent), ids=ids) for sent in (2.0, 0.0))
     camera = gi.Camera.look_at((0, 0, 6), (0, 0, 0), yfov=0.2, width=61, height=47)
-    found = radiance(room, camera, [SKY], runtime, ao=False)[23]
+    found = radiance(room, camera, [SKY], runtime)[23]
     np.testing.assert_allclose(found[20], 0.5 * 2.0, rtol=0.1)  # .95: surfels are coarse
     assert found[55].max() < 0.05 * max(SKY.radiance), "the wall is black"
-    found = radiance(dark, camera, [SKY], runtime, ao=False)
+    found = radiance(dark, camera, [SKY], runtime)
     assert found[23, 30].max() < 0.05 * max(SKY.radiance), "nothing else shines"
     alone = replace(room, triangles=room.triangles[:2], material_ids=room.material_ids[:2])
-    found = radiance(alone, camera, [SKY], runtime, ao=False)
+    found = radiance(alone, camera, [SKY], runtime)
     np.testing.assert_allclose(found[23, 30], 0.5 * np.asarray(SKY.radiance), rtol=0.01)
 
 

@@ -39,15 +39,11 @@ def invented(**changes: Any) -> DeviceInfo:
     return DeviceInfo(**{**entry, **changes})
 
 
-def test_devices_lists_what_there_is(runtime: Runtime) -> None:
+def test_devices_lists_what_there_is_and_the_speed_of_each_form(runtime: Runtime) -> None:
     listed = succeeds("devices").stdout
     assert runtime.info.label in listed.replace("\n", " ")
     assert listed.count("used by default") == 1
-
-
-def test_devices_as_json_gives_the_speed_of_each_form(runtime: Runtime) -> None:
-    listed = answer("devices")
-    ours = next(entry for entry in listed if entry["label"] == runtime.info.label)
+    ours = next(entry for entry in answer("devices") if entry["label"] == runtime.info.label)
     assert ours["variant"] in ours["million_reads_per_second"]
     assert ours["units"] >= 1
 

@@ -5,9 +5,7 @@ from __future__ import annotations
 import os
 import resource
 import sys
-import tempfile
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import OpenEXR
@@ -233,6 +231,11 @@ def test_apply_has_the_method(depth_file: Path, tmp_path: Path) -> None:
         (["--set", "radius=null"], "radius is None"),
         (["--set", "falloff=sudden"], "expected one of 'exponential', 'ramp'"),
         (["--set", "falloff={}"], "falloff is {}"),
+        (["--set", "bias=1" + "0" * 400], "bias is 1000"),
+        (["--set", "bias=1" + "0" * 5000], "bias is '1000"),
+        (["--set", "radius=" + "[" * 100_000], "--set radius: the value is nested too deeply"),
+        (["--set", "samples=1" + "0" * 400], "samples is 1000"),
+        (["--set", "x" * 10_000], "expected NAME=VALUE"),
         (["--set", "radius"], "--set 'radius': expected NAME=VALUE"),
         (["--set", "radus=1"], "ssao has no parameter 'radus': did you mean 'radius'? It has "),
         (["--set", "runtime=1"], "ssao has no parameter 'runtime'"),
@@ -246,25 +249,9 @@ def test_apply_has_the_method(depth_file: Path, tmp_path: Path) -> None:
 def test_a_wrong_option_of_apply_is_named(
     depth_file: Path, tmp_path: Path, options: list[object], message: str
 ) -> None:
-    output = tmp_path / "ao.exr"
-    assert message in fails(tmp_path, "apply", "ssao", depth_file, *options, "-o", output)
-
-
-@pytest.mark.parametrize(
-    ("setting", "message"),
-    [
-        ("radius=1" + "0" * 400, "radius is 1000"),
-        ("radius=1" + "0" * 5000, "radius is "),
-        ("radius=-1" + "0" * 400, "radius is -1000"),
-        ("radius=" + "[" * 100_000, "--set radius: the value is nested too deeply"),
-        ("taps=1" + "0" * 400, "taps is 1000"),
-        ("x" * 10_000, "expected NAME=VALUE"),
-    ],
-)
-def test_hostile_settings_are_refused_in_a_line(depth_file: Path, tmp_path: Path, setting: str, message: str) -> None:
-    text = fails(tmp_path, "apply", "gtao", depth_file, "--set", setting, "-o", tmp_path / "a.exr")
-    assert message in text
-    assert len(text) < 400
+    found = fails(tmp_path, "apply", "ssao", depth_file, *options, "-o", tmp_path / "ao.exr")
+    assert message in found
+    assert len(found) < 400, "hostile values are cut"
 
 
 def test_apply_needs_a_file_and_an_output(depth_file: Path, tmp_path: Path) -> None:
@@ -275,31 +262,19 @@ def test_apply_needs_a_file_and_an_output(depth_file: Path, tmp_path: Path) -> N
     assert "expected a name that ends in .exr" in message
 
 
-def written(**channels: Any) -> bytes:
-    """The bytes of an OpenEXR file."""
-    with tempfile.TemporaryDirectory() as folder:
-        exr.write(Path(folder) / "a.exr", channels)
-        return (Path(folder) / "a.exr").read_bytes()
+def test_a_file_that_is_no_gbuffer_is_refused(depth_file: Path, tmp_path: Path) -> None:
+    def refused() -> str:
+        return fails(tmp_path, "apply", "ssao", depth_file, "-o", tmp_path / "ao.exr")
 
-
-HOLE = np.where(np.arange(20).reshape(4, 5) == 7, np.nan, 1.0).astype(np.float32)
-WHOLE = written(depth=np.random.default_rng(3).uniform(2.0, 2.4, SHAPE).astype(np.float32))
-
-
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        (written(image=np.ones((4, 5, 3), np.float32)), "has no depth channel; it has B, G, R"),
-        (written(depth=HOLE), "depth[1, 2] is nan"),
-        (b"", "in.exr"),
-        (WHOLE[: len(WHOLE) * 2 // 3], "damaged or cut short"),
-        (None, "in.exr: No such file or directory"),
-    ],
-)
-def test_a_file_that_is_no_gbuffer_is_refused(tmp_path: Path, content: bytes | None, message: str) -> None:
-    if content is not None:
-        (tmp_path / "in.exr").write_bytes(content)
-    assert message in fails(tmp_path, "apply", "ssao", tmp_path / "in.exr", "-o", tmp_path / "ao.exr")
+    whole = depth_file.read_bytes()
+    depth_file.write_bytes(whole[: len(whole) * 2 // 3])
+    assert "damaged or cut short" in refused()
+    exr.write(depth_file, {"image": np.ones((4, 5, 3), np.float32)})
+    assert "has no depth channel; it has B, G, R" in refused()
+    depth_file.write_bytes(b"")
+    assert "in.exr" in refused()
+    depth_file.unlink()
+    assert "in.exr: No such file or directory" in refused()
 
 
 def test_what_lacks_memory_is_told_in_a_line(depth_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -25,6 +25,8 @@ LIGHTS = "KHR_lights_punctual"
 def file(tmp_path: Path) -> Path:
     """A triangle with a material, two cameras, a spot light and a blended material's note."""
     data = np.array([[0, 0, 0], [2, 0, 0], [0, 3, 0]], np.float32).tobytes()
+    spot = {"type": "spot", "intensity": 1366, "spot": {"innerConeAngle": 0.4999, "outerConeAngle": 0.5}}
+    colour = {"pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.25, 1, 1]}}
     document = {
         "asset": {"version": "2.0"},
         "nodes": [
@@ -37,21 +39,8 @@ def file(tmp_path: Path) -> Path:
             {"type": "perspective", "perspective": {"yfov": 0.5, "znear": 0.1, "aspectRatio": 1.5}},
             {"type": "orthographic", "orthographic": {"xmag": 2, "ymag": 1, "znear": 0, "zfar": 10}},
         ],
-        "extensions": {
-            LIGHTS: {
-                "lights": [
-                    {"type": "spot", "intensity": 1366, "spot": {"innerConeAngle": 0.4999, "outerConeAngle": 0.5}}
-                ]
-            }
-        },
-        "materials": [
-            {
-                "name": "pane",
-                "alphaMode": "BLEND",
-                "emissiveFactor": [0, 0.5, 0],
-                "pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.25, 1, 1]},
-            }
-        ],
+        "extensions": {LIGHTS: {"lights": [spot]}},
+        "materials": [{"name": "pane", "alphaMode": "BLEND", "emissiveFactor": [0, 0.5, 0], **colour}],
         "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "material": 0}]}],
         "accessors": [{"type": "VEC3", "componentType": 5126, "count": 3, "bufferView": 0}],
         "bufferViews": [{"buffer": 0, "byteLength": 36}],

@@ -20,41 +20,29 @@ from ssgi_cl.reference.blended import blended_reference
 from ..squares import squares
 from .scenes import CORNERS, MAPS, QUADS, halves, scene_of
 
-SIZE = (23, 37)
-
-
-def images(rng: np.random.Generator, *shape: int) -> NDArray[np.float32]:
-    return rng.random((*SIZE, *shape), dtype=np.float32)
-
-
-def drawn(
-    runtime: Runtime, layers: list[tuple[NDArray[np.float32], ...]], behind: NDArray[np.float32]
-) -> NDArray[np.float32]:
-    """Return what the passes make of layers, nearest first."""
-    over, through = (runtime.plane(3, SIZE, 7.0) for _ in range(2))
-    for number, arrays in enumerate(layers):
-        planes = [runtime.plane(array.size // (SIZE[0] * SIZE[1]), SIZE) for array in arrays]
-        for plane, array in zip(planes, arrays, strict=True):
-            plane.upload(np.moveaxis(array.reshape(*SIZE, -1), -1, 0))
-        runtime.kernel("blended/blended.cl", {"BLENDED_STEP": min(number, 1)}).run(
-            SIZE, radiance=planes[0], opacity=planes[1], transmitted=planes[2], over=over, through=through
-        )
-    solid = runtime.plane(3, SIZE)
-    solid.upload(np.moveaxis(behind, -1, 0))
-    runtime.kernel("blended/blended.cl", {"BLENDED_STEP": 2}).run(SIZE, radiance=solid, over=over, through=through)
-    return np.moveaxis(over.download(), 0, -1)
-
 
 @pytest.mark.parametrize("count", [1, 2, 5])
 def test_layers_are_blended_as_from_the_back_to_the_front(variant_runtime: Runtime, count: int) -> None:
-    rng = np.random.default_rng(count)
-    layers = [(images(rng, 3) * 10.0 ** rng.integers(-3, 4), images(rng), images(rng, 3))
-              for _ in range(count)]  # fmt: skip
-    behind = images(rng, 3) * 5.0
-    found = drawn(variant_runtime, layers, behind)
-    expected = blended_reference([(a.astype(float), b.astype(float), c.astype(float)) for a, b, c in layers], behind)
-    # Products of up to `count` numbers, summed: some roundings each.
-    np.testing.assert_allclose(found, expected, rtol=4e-7 * (count + 1))
+    rng, size = np.random.default_rng(count), (23, 37)
+
+    def blend(step: int, **images: NDArray[np.float64]) -> None:
+        planes = {name: variant_runtime.plane(len(image), size) for name, image in images.items()}
+        for name, plane in planes.items():
+            plane.upload(images[name].astype(np.float32))
+        kernel = variant_runtime.kernel("blended/blended.cl", {"BLENDED_STEP": step})
+        kernel.run(size, over=over, through=through, **planes)
+
+    over, through = (variant_runtime.plane(3, size, 7.0) for _ in range(2))
+    layers = [[rng.random((planes, *size)) for planes in (3, 1, 3)] for _ in range(count)]
+    for number, (light, opacity, transmitted) in enumerate(layers):
+        light *= 10.0 ** rng.integers(-3, 4)
+        blend(min(number, 1), radiance=light, opacity=opacity, transmitted=transmitted)
+    behind = rng.random((3, *size)) * 5.0
+    blend(2, radiance=behind)
+    given = [(np.moveaxis(a, 0, -1), b[0], np.moveaxis(c, 0, -1)) for a, b, c in layers]
+    expected = np.moveaxis(blended_reference(given, np.moveaxis(behind, 0, -1)), -1, 0)
+    # Products of up to `count` numbers, summed: some roundings each, and those of the images.
+    np.testing.assert_allclose(over.download(), expected, rtol=4e-7 * (count + 1))
 
 
 # ---- frames
@@ -72,10 +60,6 @@ MODES: dict[str, dict[str, Any]] = {
     "ssdo": {"indirect": "ssdo", "overscan": 0.1, "layers": 2},
     "multires": {"indirect": "multires", **MAPS},
 }
-FEWER_MODES = pytest.mark.parametrize(
-    "mode", ["whole", "direct", *(pytest.param(mode, marks=pytest.mark.slow) for mode in ("ssdo", "multires"))]
-)
-"""For what no pass of one bounce changes: layers have direct light in all but the whole picture."""
 
 
 def ahead(width: int = 61, height: int = 47) -> gi.Camera:
@@ -112,7 +96,7 @@ def test_surfaces_without_albedo_show_what_is_behind_them(runtime: Runtime, mode
     np.testing.assert_allclose(found, expected, rtol=1e-6)
 
 
-@FEWER_MODES
+@pytest.mark.parametrize("mode", ["whole", "direct"])
 def test_without_anything_solid_the_sky_is_behind_and_lights_layers(runtime: Runtime, mode: str) -> None:
     camera = ahead()
     pane = (-1.0, 1.0, 0.5, GLASS)

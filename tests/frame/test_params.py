@@ -12,25 +12,17 @@ from ssgi_cl.frame.params import PRESETS, FrameParams, WholeFrameParams
 from ssgi_cl.rasterize.scenes import make_scene
 from ssgi_cl.techniques.catalogue import TECHNIQUES
 
+from .scenes import MAPS
+
 
 def test_another_radius_runs_occlusion_and_what_reads_it(runtime: Runtime) -> None:
     view = make_scene("cornell_box")
-    camera = gi.Camera.look_at(view.eye, view.target, view.up, yfov=view.yfov, width=48, height=36)
+    camera = view.camera(48, 36)
     lights = [*view.lights, gi.Environment((0.3, 0.4, 0.5))]
 
     def states(radius: float) -> dict[str, str]:
-        frame = gi.render(
-            view.scene,
-            camera,
-            lights,
-            indirect="multires",
-            vpls=64,
-            ao_radius=radius,
-            shadow_size=32,
-            rsm_size=32,
-            exposure=1.0,
-            runtime=runtime,
-        )
+        given = {"indirect": "multires", "vpls": 64, "exposure": 1.0, "runtime": runtime, **MAPS}
+        frame = gi.render(view.scene, camera, lights, ao_radius=radius, **given)
         return {stage.name: stage.state for stage in frame.graph.stages}
 
     states(0.3)

@@ -89,9 +89,6 @@ def test_help_names_units(arguments: tuple[str, ...], words: tuple[str, ...]) ->
     for word in words:
         assert word in text
     assert ssgi(*arguments, "-h").stdout == ssgi(*arguments, "--help").stdout
-
-
-def test_version_is_printed() -> None:
     assert re.fullmatch(r"ssgi, version \d+\.\d+\S*\n", succeeds("--version").stdout)
 
 

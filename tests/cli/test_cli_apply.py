@@ -34,7 +34,11 @@ def test_apply_gives_what_the_library_gives(depth_file: Path, options: str, runt
 
 def test_apply_writes_bent_normals_beside_visibility(depth_file: Path, runtime: Runtime) -> None:
     output = depth_file.with_name("bent.exr")
-    succeeds("apply", "gtao", depth_file, "-o", output, "--set", "bent_normals=true", "--set", "blur_passes=0")
+    settings = ("--set", "bent_normals=true", "--set", "blur_passes=0")
+    facts = answer("apply", "gtao", depth_file, "-o", output, *settings)
+    assert facts["files"] == [str(output)]
+    assert "gtao" in [entry["name"] for entry in facts["passes"]]
+    assert all(entry["ms"] >= 0.0 for entry in facts["passes"])
     gbuffer = GBuffer(camera=CAMERAS[""], depth=exr.read(depth_file)["Z"])
     a, bent = gtao(gbuffer, bent_normals=True, blur_passes=0, runtime=runtime)
     channels = exr.read(output)
@@ -150,14 +154,6 @@ def test_apply_does_not_replace_its_input_unless_told(
     assert read_header(output).display == (0, 0, 11, 9)
 
 
-def test_apply_reports_passes_and_files_as_json(depth_file: Path, tmp_path: Path) -> None:
-    output = tmp_path / "ao.exr"
-    facts = answer("apply", "ssao", depth_file, "-o", output)
-    assert facts["files"] == [str(output)]
-    assert "ssao" in [entry["name"] for entry in facts["passes"]]
-    assert all(entry["ms"] >= 0.0 for entry in facts["passes"])
-
-
 def test_set_help_lists_every_parameter_without_a_file() -> None:
     listed = succeeds("apply", "ssao", "--set", "help").stdout
     assert "radius=0.5" in listed
@@ -227,7 +223,6 @@ def test_apply_has_the_method(depth_file: Path, tmp_path: Path) -> None:
     ("options", "message"),
     [
         (["--set", "radius=NaN"], "radius is nan"),
-        (["--set", "radius=wide"], "radius is 'wide'"),
         (["--set", "radius=null"], "radius is None"),
         (["--set", "falloff=sudden"], "expected one of 'exponential', 'ramp'"),
         (["--set", "falloff={}"], "falloff is {}"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
 
@@ -12,8 +13,6 @@ import numpy as np
 import pytest
 
 from ssgi_cl.bench.every import TECHNIQUES, Inputs, inputs, results
-from ssgi_cl.device.drivers import KernelVariant
-from ssgi_cl.device.image_limits import VARIABLE
 from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.runtime import Runtime
 
@@ -46,21 +45,11 @@ np.savez(sys.argv[1], **results(inputs(runtime, (30, 40), 16), runtime))
 
 
 @pytest.fixture(scope="module")
-def scalar(runtime: Runtime) -> Runtime:
-    """One lane on images, the form that is quickest to compile anew for each size of work-group.
-
-    Half as long without optimization, which changes no bit. Its images have 64 rows, so that planes
-    lie in several columns of them. What its memory held before is spoilt wherever passes share it.
-    """
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv(VARIABLE, "64x8192")
-        made = Runtime(runtime.info, KernelVariant(1, "image"))
-    made.transient._spoiling = True
-    build = made.programs._build
-    made.programs._build = (  # type: ignore[method-assign]
-        lambda source, text, options: build(source, text, [*options, "-cl-opt-disable"])
-    )
-    return made
+def scalar(plain_images: Runtime) -> Iterator[Runtime]:
+    """One lane on images; what memory held before is spoilt wherever passes share it."""
+    plain_images.transient._spoiling = True
+    yield plain_images
+    plain_images.transient._spoiling = False
 
 
 @pytest.fixture(scope="module")

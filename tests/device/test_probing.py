@@ -100,13 +100,7 @@ DOUBLE = [100.0, 550.0, 2000.0, 1900.0]
 
 
 @pytest.mark.parametrize(
-    "speeds",
-    [
-        [DOUBLE, TRUE, TRUE],
-        [TRUE, DOUBLE, TRUE],
-        [TRUE, TRUE],
-        [DOUBLE, [50.0, 550.0, 1000.0, 1900.0], TRUE, TRUE, TRUE],
-    ],
+    "speeds", [[DOUBLE, TRUE, TRUE], [TRUE, DOUBLE, TRUE], [DOUBLE, [50.0, 550.0, 1000.0, 1900.0], TRUE, TRUE, TRUE]]
 )
 def test_an_outlier_is_outvoted(rounds: Rounds, speeds: list[list[float]]) -> None:
     rounds(*speeds)

@@ -48,14 +48,11 @@ def test_opening_twice_gives_the_same_runtime(runtime: Runtime) -> None:
     assert runtime.info.label in repr(runtime)
 
 
-def test_an_unknown_device_is_refused_with_the_list_of_all(runtime: Runtime) -> None:
+def test_an_unknown_device_is_refused_with_the_list_of_all(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(DeviceError, match=r"no such OpenCL device\. Devices found:") as caught:
         Runtime.open("no such thing")
     for info in drivers.devices():
         assert info.label in str(caught.value)
-
-
-def test_the_variable_names_the_device(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SSGI_CL_DEVICE", "no such thing")
     with pytest.raises(DeviceError, match="no such thing: no such OpenCL device"):
         Runtime.open()
@@ -76,6 +73,7 @@ def test_a_variant_that_the_device_cannot_run_is_refused(runtime: Runtime, monke
         Runtime.open(lanes=16)
     with pytest.raises(DeviceError, match="this process already uses the driver"):
         Runtime.open()
+    assert str(KernelVariant(1, "image")) == "1 lane, image"
 
 
 def test_forcing_a_form_builds_kernels_so(variant_runtime: Runtime) -> None:
@@ -209,15 +207,12 @@ def test_arrays_come_back_to_the_bit(
         array.upload(values)
 
 
-def test_an_empty_array_takes_memory_all_the_same(runtime: Runtime) -> None:
-    assert runtime.empty(0, np.float32).count == 1
-
-
 def test_memory_is_counted(fresh: Runtime) -> None:
     fresh.array(np.zeros(100, np.float32))
     assert fresh.allocated_bytes == 400
     fresh.plane(2, (3, 5))
     assert fresh.allocated_bytes == 400 + (2 * 3 + 2) * (16 + 16) * 4
+    assert fresh.empty(0, np.float32).count == 1, "an empty array takes memory all the same"
 
 
 def test_more_memory_than_there_is_ends_in_an_error(fresh: Runtime) -> None:
@@ -351,11 +346,6 @@ def test_what_is_of_a_thing_goes_with_it(fresh: Runtime) -> None:
     assert fresh.memory.used > 0
     del thing
     assert fresh.memory.used == 0
-
-
-def test_forms_have_words_for_themselves() -> None:
-    assert str(KernelVariant(1, "image")) == "1 lane, image"
-    assert str(KernelVariant(16, "buffer")) == "16 lanes, buffer"
 
 
 def test_one_piece_larger_than_the_device_allows_is_refused_before_the_driver_is_asked(

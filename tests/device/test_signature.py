@@ -146,9 +146,8 @@ def test_a_program_from_a_binary_tells_the_same(runtime: Runtime) -> None:
 @pytest.fixture(scope="module")
 def structs() -> list[Struct]:
     """All structs that the library passes to kernels; they are constants of its modules."""
-    folders = ("device", "techniques", "rasterize.raster")
     found = {}
-    for folder in folders:
+    for folder in ("device", "techniques", "rasterize.raster"):
         package = importlib.import_module(f"ssgi_cl.{folder}")
         for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
             constants = vars(importlib.import_module(module.name)).values()

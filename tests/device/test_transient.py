@@ -206,20 +206,18 @@ def test_a_frame_of_1920_x_1080_keeps_no_more_than(runtime: Runtime, scene: str,
 
 
 def test_a_second_frame_takes_no_memory_though_everything_is_drawn_anew(plain_images: Runtime) -> None:
-    runtime = plain_images
     built = make_scene("cornell_box")
     lights = (*built.lights, gi.Environment((0.2, 0.3, 0.4)))
-
     options = {"indirect": "ssdo", "layers": 2, "auxiliary_cameras": 2, "shadow_size": 64, "skips": False}
 
     def frame() -> None:
-        render(built.scene, built.camera(64, 48), lights, runtime=runtime, **options)
+        render(built.scene, built.camera(64, 48), lights, runtime=plain_images, **options)
 
     frame()
     frame()  # the first had other memory to choose from
-    before = runtime.allocated_bytes, runtime.builds
+    before = plain_images.allocated_bytes, plain_images.builds
     frame()
-    assert (runtime.allocated_bytes, runtime.builds) == before
-    held = runtime.transient.used
+    assert (plain_images.allocated_bytes, plain_images.builds) == before
+    held = plain_images.transient.used
     frame()
-    assert runtime.transient.used == held
+    assert plain_images.transient.used == held

@@ -75,8 +75,3 @@ def run_expressions(
     )
     rows = result.download().reshape(len(expressions), whole)[:, :count]
     return dict(zip(expressions, rows, strict=True))
-
-
-def run_expression(runtime: Runtime, include: str, expression: str, **rest: Any) -> NDArray[Any]:
-    """Return what one expression gives; see `run_expressions`."""
-    return run_expressions(runtime, include, {expression: expression}, **rest)[expression]

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from ssgi_cl.bench.experiments import ablation as module
 from ssgi_cl.bench.experiments.ablation import (
     DIRECT,
     EDGES,
@@ -23,7 +27,7 @@ from ssgi_cl.bench.experiments.ablation import (
 )
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import BuiltinScene, make_scene
-from ssgi_cl.truth import store
+from ssgi_cl.truth import Truth, store
 from ssgi_cl.tuning.measured_scenes import views_of
 
 pytest.importorskip("mitsuba", reason="mitsuba is not installed (extra 'truth')")
@@ -100,9 +104,31 @@ def test_the_noise_of_the_reference_is_told(runtime: Runtime) -> None:
     assert few[NOISE].alone.flip > 2.0 * many[NOISE].alone.flip > 0.0
 
 
-def test_the_command_prints_a_row_for_each_term() -> None:
-    given = ("--scene", "cornell_box-spot", "--size", "40x30", "--truth-paths", "4", "--mode", "low")
-    shown = CliRunner().invoke(main, given)
+def test_each_term_is_replaced_and_has_a_row(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Even light: 4 directly, 2 of one bounce, 1 of later ones and .5 less where pixels are boxes; ours 3, 2 and 2.
+    def true(*given: Any, box_filter: bool = False, **_: Any) -> Truth:
+        light = 6.5 if box_filter else {0: 4.0, 1: 6.0, "all": 7.0}[given[4]]
+        return Truth(np.full((*SIZE, 3), light, np.float32), np.zeros((*SIZE, 3), np.float32), 2, "")
+
+    def ours(*_: Any, outputs: tuple[str, ...], bounces: Any = "all", **__: Any) -> SimpleNamespace:
+        plane, colours = np.full(SIZE, np.float32(1.0)), np.full((*SIZE, 3), np.float32(0.5 * np.pi))
+        if "indirect" in outputs:  # of which half is reflected, half of that in the gaps of occlusion
+            seen = SimpleNamespace(albedo=colours, depth=plane)
+            return SimpleNamespace(
+                radiance=np.full((*SIZE, 3), 5.0), indirect=16.0 / np.pi * colours, ao=0.25 * plane, gbuffer=seen
+            )
+        return SimpleNamespace(radiance=np.full((*SIZE, 3), 5.0 if bounces == 1 else 7.0))
+
+    monkeypatch.setattr(module.truth, "radiance", true)
+    monkeypatch.setattr(module, "render", ours)
+    monkeypatch.setattr(module, "gbuffer", lambda *_, **__: SimpleNamespace(size=SIZE, specular=None, emission=None))
+    found = module.ablation(spot_lit(runtime), SIZE, runtime, "low")
+    biases = [6.5 * one.alone.bias for one in found]
+    assert biases == pytest.approx([0.5, 1.5, 0.5, -0.5, 0.0, -0.5, 0.0], abs=1e-6)
+    assert [6.5 * one.kept.bias for one in found if one.kept] == pytest.approx([-1.0, 0.0, 1.0, 0.5, 1.0])
+    assert [6.5 * one.share for one in found] == pytest.approx([6.5, 4.0, 2.0, 1.0, -0.5, 3.0, 6.5])
+    assert found[0].alone.mrse == pytest.approx((0.5 / 6.51) ** 2)
+    shown = CliRunner().invoke(main, ("--scene", "cornell_box-spot", "--size", "40x30", "--mode", "low"))
     assert shown.exit_code == 0, shown.output
     assert "## cornell_box-spot, 40 x 30, `low`" in shown.output
     rows = [line.split(" | ")[0] for line in shown.output.splitlines() if line.startswith("| ")]

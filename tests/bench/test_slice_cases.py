@@ -62,11 +62,10 @@ def test_the_published_setting_is_that_of_gtao_with_its_numbers(runtime: Runtime
 def test_presets_are_measured_with_the_layers_that_are_asked_for(runtime: Runtime) -> None:
     context = Context(runtime, cornell_box(), SMALL)
     low = FAMILIES["gtao-preset"].prepare(context, "low")
-    deep = FAMILIES["gtao-preset"].prepare(context, "high-2")
+    deep = FAMILIES["gtao-preset"].prepare(context, "high-2")  # run in `test_drawn`
     assert low.counted == ""
     assert deep.counted == "G-buffer of 2 layers and 10 % overscan drawn"
     assert list(deep.truths) == ["world"]
-    deep.run()
 
 
 def test_reads_are_counted_at_the_size_at_which_they_are_made(runtime: Runtime) -> None:

@@ -16,6 +16,7 @@ from ssgi_cl.bench.verdict import mark
 from ssgi_cl.core import lights
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import BuiltinScene, cornell_box
+from ssgi_cl.truth import Truth
 from ssgi_cl.tuning.case import Case, Family, Subject
 from ssgi_cl.tuning.context import Context, TruthSettings
 
@@ -155,6 +156,22 @@ def test_an_image_that_shows_nothing_is_timed_without_errors(runtime: Runtime) -
     found = measured(runtime, "ssao.4", view=away)
     assert found.skipped == []
     assert found.results[0]["errors"] == {}
+
+
+def test_the_sky_counts_where_all_light_is_held_to_paths(runtime: Runtime) -> None:
+    def prepare(context: Context, quantity: str) -> Subject:
+        image = np.where(context.seen[..., None], 1.0, np.float32(3.0)).repeat(3, axis=-1)
+        truth = Truth(np.ones_like(image), np.zeros_like(image), 2, "")
+        return Subject.of_image(lambda: image, quantity=quantity, truths={"world": lambda: truth}, timed=False)
+
+    up = replace(cornell_box(), eye=(0.0, 1.0, 9.0), target=(0.0, 1.0, 0.0))
+    found = measured(runtime, view=up, families={"light": Family(prepare, ("radiance", "bounce"))})
+    whole, surfaces = (result["errors"]["world"] for result in found.results)
+    seen = [pictures.seen for pictures in found.pictures.values()]
+    assert seen[0].all()
+    assert 0.0 < seen[1].mean() < 1.0
+    assert surfaces["rmse"] == 0.0
+    assert whole["bias"] == pytest.approx(2.0 * (1.0 - seen[1].mean()))
 
 
 def test_progress_grows_to_one_and_names_what_is_under_way(runtime: Runtime) -> None:

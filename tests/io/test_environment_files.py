@@ -100,10 +100,10 @@ def test_every_encoding_gives_the_same_radiance(tmp_path: Path, encoding: str, s
 
 
 def test_long_repetitions_take_several_codes(tmp_path: Path) -> None:
-    texels = np.tile(np.array([200, 100, 50, 130], np.uint8), (2, 70000, 1))
+    texels = np.tile(np.array([200, 100, 50, 130], np.uint8), (1, 70000, 1))
     path = picture(tmp_path / "a.hdr", texels, "repeated")
     assert path.stat().st_size < 200
-    np.testing.assert_array_equal(radiance_hdr.read(path), radiance_of(texels))
+    np.testing.assert_array_equal(radiance_hdr.read(path), np.broadcast_to(radiance_of(texels[:1, :1]), (1, 70000, 3)))
 
 
 def test_an_exponent_of_zero_is_black(tmp_path: Path) -> None:
@@ -146,7 +146,7 @@ def test_mitsuba_reads_the_same(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
 def test_a_cut_file_is_refused_wherever_it_ends(tmp_path: Path, encoding: str) -> None:
-    whole = picture(tmp_path / "a.hdr", texels_of(3, 40), encoding).read_bytes()
+    whole = picture(tmp_path / "a.hdr", texels_of(2, 16), encoding).read_bytes()
     for length in range(len(whole)):
         (tmp_path / "b.hdr").write_bytes(whole[:length])
         with pytest.raises(ValueError, match=r"b\.hdr (is|has)"):
@@ -217,7 +217,7 @@ def test_files_of_no_known_kind_or_that_are_missing(tmp_path: Path) -> None:
 
 
 def rendered(tmp_path: Path, *options: str) -> NDArray[np.float32]:
-    size = ["--width", "40", "--height", "30"]
+    size = ["--width", "40", "--height", "30", "--bounces", "0"]
     done = CliRunner().invoke(
         main, ["render", "cornell_box", "-o", str(tmp_path / "out.exr"), *size, "--json", *options]
     )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -27,18 +26,15 @@ from ssgi_cl.bench.experiments.ablation import (
 )
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import BuiltinScene, make_scene
-from ssgi_cl.truth import Truth, store
+from ssgi_cl.truth import Truth
 from ssgi_cl.tuning.measured_scenes import views_of
 
 pytest.importorskip("mitsuba", reason="mitsuba is not installed (extra 'truth')")
 pytest.importorskip("flip_evaluator", reason="flip-evaluator is not installed (extra 'truth')")
 
+pytestmark = pytest.mark.usefixtures("own_store")
+
 SIZE = (30, 40)
-
-
-@pytest.fixture(autouse=True)
-def _own_store(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(store, "truth_folder", lambda: tmp_path / "truth")
 
 
 def spot_lit(runtime: Runtime) -> BuiltinScene:

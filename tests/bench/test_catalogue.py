@@ -8,12 +8,13 @@ import pytest
 
 from ssgi_cl.bench import calls, cases
 from ssgi_cl.bench.experiments import defaults
-from ssgi_cl.techniques.catalogue import CATALOGUE
+from ssgi_cl.techniques.catalogue import CATALOGUE, TECHNIQUES
 from ssgi_cl.techniques.technique import Bench
 from tools.figures import tables
 
 
 def test_every_technique_is_measured_called_and_shown() -> None:
+    assert set(TECHNIQUES) <= set(cases.FAMILIES)
     for name, each in CATALOGUE.items():
         assert set(each.bench.families) <= set(cases.FAMILIES), name
         for _, figures in each.bench.rows.values():

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,12 +26,9 @@ from ssgi_cl.techniques.ssdo.ssdo_params import SsdoParams
 from ssgi_cl.truth import Truth
 from ssgi_cl.tuning.context import Context, TruthSettings
 
+pytestmark = pytest.mark.usefixtures("own_store")
+
 SIZE = (45, 60)
-
-
-@pytest.fixture(autouse=True)
-def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
 
 
 @pytest.fixture

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import io
 import xml.etree.ElementTree as ET
 from typing import Any
 
 import pytest
-from rich.console import Console
 
 from ssgi_cl.bench import suite, summary, table
 from ssgi_cl.bench.cases import FAMILIES
@@ -18,7 +16,7 @@ from ssgi_cl.rasterize.scenes import cornell_box
 from ssgi_cl.tuning.case import Case
 from ssgi_cl.tuning.context import Context, TruthSettings
 
-from .documents import entry, marked, path_points, texts, whole
+from .documents import entry, marked, path_points, printed, texts, whole
 
 pytestmark = pytest.mark.usefixtures("own_store")
 
@@ -73,9 +71,7 @@ def test_a_floor_is_a_level_line_in_the_plot() -> None:
 
 def test_a_floor_has_errors_and_no_time_in_every_table(tmp_path: Any) -> None:
     document = whole(*documented())
-    console = Console(width=140, record=True, file=io.StringIO())
-    table.show(document, console)
-    (shown,) = (line for line in console.export_text().splitlines() if "floor.1" in line)
+    (shown,) = (line for line in printed(table.show, document, 140).splitlines() if "floor.1" in line)
     assert shown.split()[:3] == ["floor.1", "-", "-"]
     assert "0.0700" in shown
     page, *_ = summary.write(tmp_path / "page.md", document, {})

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from ssgi_cl.bench import document, suite
-from ssgi_cl.bench.cases import FAMILIES, OWN
+from ssgi_cl.bench.cases import OWN
 from ssgi_cl.bench.verdict import mark
 from ssgi_cl.core import lights
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import BuiltinScene, cornell_box
 from ssgi_cl.truth import Truth
-from ssgi_cl.tuning.case import Case, Family, Subject
+from ssgi_cl.tuning.case import Case, Family, Subject, count_of
 from ssgi_cl.tuning.context import Context, TruthSettings
 
 pytestmark = pytest.mark.usefixtures("own_store")
@@ -33,6 +33,41 @@ def measured(
     cases = suite.select(patterns, ["cornell_box"], [SMALL], families)
     views = {"cornell_box": view or cornell_box()}
     return suite.measure(cases, views, runtime, truths=QUICK, runs=4, families=families)
+
+
+def test_a_case_and_its_name_tell_the_same() -> None:
+    case = Case("ssao-blur", "16", "hall", (600, 800))
+    assert case.name == "ssao-blur.16.hall.800x600"
+    assert Case.parse(case.name) == case
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "",
+        "ssao",
+        "ssao.16.hall",
+        "ssao.16.hall.800",
+        "ssao.16.hall.0x600",
+        "ssao.16.hall.800x600.x",
+        "ssao..hall.800x600",
+        "ssao.16.ha ll.800x600",
+        "ssao.16.hall.800x-600",
+    ],
+)
+def test_what_is_no_name_is_refused_with_an_example(name: str) -> None:
+    with pytest.raises(ValueError, match=r"expected family\.setting\.scene\.COLUMNSxROWS"):
+        Case.parse(name)
+
+
+@pytest.mark.parametrize("setting", ["", "-1", "0", "257", "1.5", "many"])
+def test_a_setting_that_is_no_count_is_refused_with_the_range(setting: str) -> None:
+    with pytest.raises(ValueError, match="expected a number of samples, 1 to 256"):
+        count_of(setting, "a number of samples", 1, 256)
+
+
+def test_a_setting_that_is_a_count_is_one() -> None:
+    assert count_of("16", "a number of samples", 1, 256) == 16
 
 
 def test_without_patterns_every_setting_on_every_scene_and_size_is_chosen() -> None:
@@ -70,12 +105,6 @@ def test_a_full_name_may_ask_for_an_unusual_setting_and_size() -> None:
 def test_a_pattern_that_fits_nothing_is_refused_with_what_there_is(pattern: str) -> None:
     with pytest.raises(ValueError, match=r"fits none; families are ssao, .*, scenes a"):
         suite.select([pattern], ["a"], [SMALL], OWN)
-
-
-def test_every_technique_that_the_command_line_applies_has_a_case() -> None:
-    from ssgi_cl.techniques.catalogue import TECHNIQUES
-
-    assert set(TECHNIQUES) <= set(FAMILIES)
 
 
 @pytest.mark.slow  # compiles and runs everything, with truths

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import io
 from typing import Any
 
 import pytest
-from rich.console import Console
 
 from ssgi_cl.bench import table, wording
 
-from .documents import entry, whole
+from .documents import entry, printed, whole
 
 
 def shown(document: dict[str, Any], width: int = 120) -> list[str]:
-    console = Console(file=io.StringIO(), width=width)
-    table.show(document, console)
-    return console.file.getvalue().splitlines()  # type: ignore[attr-defined]
+    return printed(table.show, document, width).splitlines()
 
 
 def line_of(lines: list[str], name: str) -> str:

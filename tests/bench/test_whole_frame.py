@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -13,7 +11,6 @@ from ssgi_cl.bench.cases.frame import MODES
 from ssgi_cl.bench.drawn import STEPS, moving_cameras
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, BuiltinScene
-from ssgi_cl.truth import store
 from ssgi_cl.tuning.case import Case
 from ssgi_cl.tuning.context import Context, TruthSettings
 from ssgi_cl.tuning.measured_scenes import views_of
@@ -21,13 +18,10 @@ from ssgi_cl.tuning.measured_scenes import views_of
 pytest.importorskip("mitsuba", reason="mitsuba is not installed (extra 'truth')")
 pytest.importorskip("flip_evaluator", reason="flip-evaluator is not installed (extra 'truth')")
 
+pytestmark = pytest.mark.usefixtures("own_store")
+
 SIZE = (30, 40)
 SPOT = "cornell_box-spot"
-
-
-@pytest.fixture(autouse=True)
-def _own_store(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(store, "truth_folder", lambda: tmp_path / "truth")
 
 
 @pytest.fixture

@@ -62,10 +62,6 @@ def test_values_out_of_range_are_refused_with_the_range_and_unit(
         Example(**values)
 
 
-def test_infinity_is_allowed_where_it_is_the_default() -> None:
-    assert Example(limit=math.inf).limit == math.inf
-
-
 def test_help_texts_tell_range_and_unit() -> None:
     assert describe(Example) == [
         ("radius", "0.5", "reach (0 to 10; m)"),

@@ -19,24 +19,18 @@ def test_nearest_is_white_furthest_dark_grey_and_nothing_black() -> None:
     assert 40 < view[0, 1] < 255
 
 
-def test_depth_of_a_wall_seen_straight_on_is_one_grey() -> None:
-    view = depth_view(np.full((3, 4), 7.0, np.float32))
+@pytest.mark.parametrize("depth", [np.inf, 1e-30, 7.0, 1e30])
+def test_any_depth_seen_straight_on_is_one_grey_without_a_warning(depth: float) -> None:
+    view = depth_view(np.full((3, 4), depth, np.float32))
+    assert view.shape == (3, 4)
     assert np.unique(view).size == 1
-    assert view[0, 0] >= 40
-
-
-@pytest.mark.parametrize("depth", [np.inf, 1e-30, 1e30])
-def test_any_depth_makes_a_picture_without_a_warning(depth: float) -> None:
-    assert depth_view(np.full((2, 3), depth, np.float32)).shape == (2, 3)
+    assert (view[0, 0] >= 40) == np.isfinite(depth)
+    assert depth_view(np.zeros((0, 4), np.float32)).shape == (0, 4)
 
 
 def test_depth_of_an_orthographic_camera_may_be_zero_or_less() -> None:
     view = depth_view(np.array([[-1.0, 0.0, 1.0, 2.0]], np.float32))
     assert (np.diff(view[0].astype(int)) < 0).all(), "nearer is not brighter"
-
-
-def test_an_empty_picture_stays_empty() -> None:
-    assert depth_view(np.zeros((0, 4), np.float32)).shape == (0, 4)
 
 
 def test_normals_go_from_0_to_255_and_nothing_is_mid_grey() -> None:
@@ -61,14 +55,10 @@ def test_levels_have_a_colour_each_and_what_is_interpolated_none() -> None:
     np.testing.assert_array_equal(view[1, 2], 0)
 
 
-def test_gbuffer_views_leave_out_the_margin_and_what_is_not_there() -> None:
+def test_gbuffer_views_show_what_is_there_without_its_margin() -> None:
     views = gbuffer_views(full_gbuffer())
     assert {name: view.shape for name, view in views.items()} == {"depth": (2, 4)}
-
-
-def test_gbuffer_views_show_normals_and_albedo() -> None:
     normal = np.broadcast_to(np.float32([0, 0, 1]), (4, 6, 3))
-    albedo = np.full((4, 6, 3), 0.5, np.float32)
-    views = gbuffer_views(full_gbuffer(normal=normal, albedo=albedo))
+    views = gbuffer_views(full_gbuffer(normal=normal, albedo=np.full((4, 6, 3), 0.5, np.float32)))
     assert views["normal"][0, 0].tolist() == [128, 128, 255]
     assert views["albedo"][0, 0].tolist() == [186, 186, 186]  # 255 * 0.5^(1 / 2.2) = 186.08

@@ -1,5 +1,6 @@
 """PNG files."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 from PIL import Image
 
 from ssgi_cl.core import atomic
-from ssgi_cl.io import png
+from ssgi_cl.io import exr, png
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 1, 3), (17, 31), (17, 31, 3)])
@@ -44,17 +45,14 @@ def test_a_wrong_shape_is_refused(tmp_path: Path, shape: tuple[int, ...]) -> Non
     assert not list(tmp_path.iterdir())
 
 
-def test_a_missing_folder_is_named(tmp_path: Path) -> None:
-    target = tmp_path / "nowhere" / "a.png"
-    with pytest.raises(FileNotFoundError, match="nowhere"):
-        png.write(target, np.zeros((2, 2), np.uint8))
-    assert not list(tmp_path.iterdir())
-
-
-def test_a_folder_is_not_replaced(tmp_path: Path) -> None:
+@pytest.mark.parametrize("write", [png.write, lambda path, image: exr.write(path, {"depth": image})])
+def test_missing_folders_and_folders_are_refused(tmp_path: Path, write: Callable[..., None]) -> None:
+    image = np.zeros((2, 2), np.uint8)
     (tmp_path / "folder").mkdir()
+    with pytest.raises(FileNotFoundError, match="nowhere"):
+        write(tmp_path / "nowhere" / "a", image)
     with pytest.raises(IsADirectoryError, match="folder"):
-        png.write(tmp_path / "folder", np.zeros((2, 2), np.uint8))
+        write(tmp_path / "folder", image)
     assert [path.name for path in tmp_path.iterdir()] == ["folder"]
 
 

@@ -41,13 +41,13 @@ def draws(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 @pytest.mark.parametrize(
     ("family", "setting", "passes", "maps"),
     [
-        ("gtao", "1x4", 1, 0),
         ("gtao", "1x4-2", 2, 0),
         ("vpl", "64", 1, 1),
         ("direct", "64", 0, 1),
-        *(
+        *(  # by the same makers
             pytest.param(*of, marks=pytest.mark.slow)
             for of in (
+                ("gtao", "1x4", 1, 0),
                 ("gtao-preset", "low-2", 2, 0),
                 ("vpl-visibility", "64", 1, 1),
                 ("vpl-visibility-seen", "64", 4, 1),

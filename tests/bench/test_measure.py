@@ -43,6 +43,8 @@ def test_a_short_subject_is_repeated_within_a_run_and_its_time_is_that_of_one(ru
     watch.reference_ms = [100.0]  # a long one, lest a sleep takes longer
     timing = watch.time(Subject(run=run, on_device=False))
     assert timing.wall_ms.low >= 0.2  # a sleep is never shorter
+    assert timing.device_ms is None
+    assert timing.passes == {}
     assert len(calls) > measure.WARM_UP + measure.TRIES * 4
 
 
@@ -55,14 +57,6 @@ def test_the_reference_measured_against_itself_has_the_ratio_one(runtime: Runtim
     assert list(timing.passes) == ["calibrate_gather"]
     assert timing.device_ms is not None
     assert timing.device_ms.low <= timing.device_ms.median <= timing.device_ms.high
-
-
-def test_work_of_the_host_counts_by_the_wall_clock(runtime: Runtime) -> None:
-    timing = Stopwatch(runtime, runs=4).time(Subject(run=lambda: time.sleep(0.02), on_device=False))
-    assert timing.device_ms is None
-    # A sleep is never shorter, and on a busy machine hardly ten times longer.
-    assert 20.0 <= timing.wall_ms.median < 200.0
-    assert timing.passes == {}
 
 
 @pytest.mark.parametrize("on_device", [True, False])

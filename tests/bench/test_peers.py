@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from ssgi_cl import ray_ao
 from ssgi_cl.bench.peers import PEERS, embree, mitsuba_rays, vtk_ssao
-from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, BuiltinScene
 from ssgi_cl.truth import metrics
 from ssgi_cl.tuning.case import Family, Subject
 from ssgi_cl.tuning.context import Context, TruthSettings
+
+from ..rasterize.meshes import quad
 
 Floats = NDArray[np.float32]
 
@@ -68,18 +69,9 @@ def context(runtime: Runtime, tmp_path_factory: pytest.TempPathFactory) -> Itera
 
 def one_square(size: float = 50.0) -> BuiltinScene:
     """A floor seen from straight above."""
-    corner = np.array([(-1, 0, -1), (-1, 0, 1), (1, 0, 1), (1, 0, -1)], np.float32) * size
-    scene = Scene(
-        positions=corner,
-        normals=np.tile(np.float32([0, 1, 0]), (4, 1)),
-        uvs=np.zeros((4, 2), np.float32),
-        colors=np.ones((4, 3), np.float32),
-        triangles=np.array([(0, 1, 2), (0, 2, 3)], np.int32),
-        material_ids=np.zeros(2, np.int32),
-    )
     return BuiltinScene(
         name="square",
-        scene=scene,
+        scene=quad(size * np.array([(-1, 0, -1), (-1, 0, 1), (1, 0, 1), (1, 0, -1)]), normals=(0, 1, 0)),
         eye=(0.0, 5.0, 0.0),
         target=(0.0, 0.0, 0.0),
         up=(0.0, 0.0, -1.0),

@@ -92,5 +92,5 @@ def test_names_that_are_no_scene_are_refused(tmp_path: Path, runtime: Runtime) -
         views_of(["attic"], runtime)
     with pytest.raises(SceneError, match=r"attic\.obj"):
         views_of([str(tmp_path / "attic.obj")], runtime)
-    with pytest.raises(ValueError, match="two scenes are called 'hall'"):
-        views_of(["hall", "hall"], runtime)
+    with pytest.raises(ValueError, match="two scenes are called 'cornell_box'"):
+        views_of(["cornell_box", "cornell_box"], runtime)

@@ -93,18 +93,11 @@ def test_pixels_of_glossy_surfaces_are_a_term(runtime: Runtime) -> None:
     assert terms[GLOSSY].alone.flip < 0.95 * terms[NOTHING].alone.flip
 
 
-@pytest.mark.slow
-def test_the_noise_of_the_reference_is_told(runtime: Runtime) -> None:
-    view = make_scene("cornell_box")
-    few, many = ({one.term: one for one in ablation(view, SIZE, runtime, "low", paths=paths)} for paths in (8, 128))
-    assert few[NOISE].alone.flip > 2.0 * many[NOISE].alone.flip > 0.0
-
-
 def test_each_term_is_replaced_and_has_a_row(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
     # Even light: 4 directly, 2 of one bounce, 1 of later ones and .5 less where pixels are boxes; ours 3, 2 and 2.
     def true(*given: Any, box_filter: bool = False, **_: Any) -> Truth:
         light = 6.5 if box_filter else {0: 4.0, 1: 6.0, "all": 7.0}[given[4]]
-        return Truth(np.full((*SIZE, 3), light, np.float32), np.zeros((*SIZE, 3), np.float32), 2, "")
+        return Truth(np.full((*SIZE, 3), light, np.float32), np.full((*SIZE, 3), 0.1, np.float32), 2, "")
 
     def ours(*_: Any, outputs: tuple[str, ...], bounces: Any = "all", **__: Any) -> SimpleNamespace:
         plane, colours = np.full(SIZE, np.float32(1.0)), np.full((*SIZE, 3), np.float32(0.5 * np.pi))
@@ -120,10 +113,11 @@ def test_each_term_is_replaced_and_has_a_row(runtime: Runtime, monkeypatch: pyte
     monkeypatch.setattr(module, "gbuffer", lambda *_, **__: SimpleNamespace(size=SIZE, specular=None, emission=None))
     found = module.ablation(spot_lit(runtime), SIZE, runtime, "low")
     biases = [6.5 * one.alone.bias for one in found]
-    assert biases == pytest.approx([0.5, 1.5, 0.5, -0.5, 0.0, -0.5, 0.0], abs=1e-6)
+    assert biases == pytest.approx([0.5, 1.5, 0.5, -0.5, 0.0, -0.5, 0.0], abs=0.01)
     assert [6.5 * one.kept.bias for one in found if one.kept] == pytest.approx([-1.0, 0.0, 1.0, 0.5, 1.0])
     assert [6.5 * one.share for one in found] == pytest.approx([6.5, 4.0, 2.0, 1.0, -0.5, 3.0, 6.5])
     assert found[0].alone.mrse == pytest.approx((0.5 / 6.51) ** 2)
+    assert found[-1].alone.mrse == pytest.approx((0.1 / 6.51) ** 2, rel=0.1)  # its noise, of 3600 numbers
     shown = CliRunner().invoke(main, ("--scene", "cornell_box-spot", "--size", "40x30", "--mode", "low"))
     assert shown.exit_code == 0, shown.output
     assert "## cornell_box-spot, 40 x 30, `low`" in shown.output

@@ -87,19 +87,14 @@ def test_truths_are_made_once_listed_and_cleared(own_store: Path) -> None:
     assert len(kept) == 2  # rays, and the points that the model converges to
     ssgi("truth", "ssao", *QUICK)  # every number of samples has the same truths
     assert {path: path.stat().st_mtime_ns for path in kept} == kept
+    lines = ssgi("truth", "--list").output.splitlines()
+    assert [line.partition("MiB")[2].strip() for line in lines[:2]] == ["40 x 30"] * 2
     entries: list[dict[str, Any]] = json.loads(ssgi("truth", "--list", "--json").stdout)
     assert {Path(entry["file"]) for entry in entries} == set(kept)
     ssgi("truth", "ssao.4", "--rebuild", *QUICK)
     assert all(path.stat().st_mtime_ns > made for path, made in kept.items())
     assert "freed" in ssgi("truth", "--clear").output
     assert list((own_store / "truth").iterdir()) == []
-
-
-def test_kept_truths_are_listed_with_their_size_and_damaged_ones_as_unreadable(own_store: Path) -> None:
-    ssgi("truth", "ssao.4", *QUICK)
-    next((own_store / "truth").iterdir()).write_bytes(b"nothing")
-    lines = ssgi("truth", "--list").output.splitlines()
-    assert sorted(line.partition("MiB")[2].strip() for line in lines[:2]) == ["40 x 30", "unreadable"]
 
 
 @pytest.mark.filterwarnings("always")
@@ -120,5 +115,7 @@ def test_a_damaged_truth_is_named_with_the_remedy(own_store: Path) -> None:
     assert "skipped world truth of ssao.4" in shown  # but the time is there
     assert "nothing was measured" not in shown
     assert "ssgi truth --rebuild" in ssgi("truth", "ssao.4", *QUICK, status=1).output
+    next((own_store / "truth").iterdir()).write_bytes(b"nothing")
+    assert "unreadable" in ssgi("truth", "--list").output.splitlines()[0]
     ssgi("truth", "ssao.4", "--rebuild", *QUICK)
     ssgi("truth", "ssao.4", *QUICK)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
 import pytest
 from click import Command
 from click.testing import CliRunner
@@ -9,19 +12,29 @@ from click.testing import CliRunner
 from ssgi_cl.bench.experiments import cost, gain
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import cornell_box
-from ssgi_cl.tuning.context import Context, TruthSettings
+from ssgi_cl.techniques.ao.gtao import GtaoParams
+from ssgi_cl.truth import Truth
+from ssgi_cl.tuning.context import Context
 
 pytestmark = pytest.mark.usefixtures("own_store")
 
 
-def test_more_samples_err_a_little_less(runtime: Runtime) -> None:
-    pytest.importorskip("embreex", reason="embreex is not installed (extra 'truth')")
-    context = Context(runtime, cornell_box(), (45, 60), TruthSettings(rays=64))
+def test_gain_is_the_part_of_the_error_that_is_gone_with_the_most_samples(
+    runtime: Runtime, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    context = Context(runtime, cornell_box(), (30, 40))
+    truth = np.full((30, 40), 0.5, np.float32)
+    monkeypatch.setattr(context, "occlusion", lambda: Truth(truth, 0.0 * truth, 2, ""))
+
+    def make(runtime: Runtime, size: tuple[int, int], params: GtaoParams) -> Any:
+        assert (size, params.radius) == ((30, 40), context.radius)
+        return lambda gbuffer: np.where(context.seen, truth + np.float32(0.5 / params.slices), 9.0)
+
+    monkeypatch.setitem(gain.TECHNIQUES, "gtao", (make, GtaoParams))
     (found,) = gain.gains(context, ["gtao"], most=8)
-    assert (found.technique, found.scene) == ("gtao", "cornell_box")
-    # Blurred, few slices do nearly as well as many. Truth of 64 rays is off by some .02 itself.
-    assert -0.05 < found.share < 0.3
-    assert 0.03 < found.most < 0.3
+    assert (found.technique, found.scene, found.most) == ("gtao", "cornell_box", 0.0625)
+    assert found.usual == pytest.approx(0.5 / GtaoParams().slices)
+    assert found.share == pytest.approx(1.0 - GtaoParams().slices / 8.0)
 
 
 def test_a_table_of_gains_has_a_row_for_each_technique_and_scene() -> None:

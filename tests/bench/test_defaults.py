@@ -54,6 +54,7 @@ def test_replaced_constants_come_back_and_unknown_ones_are_named() -> None:
         pass
 
 
+@pytest.mark.slow
 def test_shadow_error_is_that_of_the_kernel_against_rays(box: Context, runtime: Runtime) -> None:
     pytest.importorskip("embreex")
     found = shadow_errors(box, {})
@@ -81,9 +82,6 @@ def test_wider_shadow_filter_errs_more(box: Context) -> None:
     narrow, usual, wide = (shadow_errors(box, {"reach": reach}) for reach in (0, 1, 3))
     assert narrow.error < usual.error < wide.error
     assert usual == shadow_errors(box, {"reach": reference.REACH})
-
-
-def test_shadow_filter_is_the_one_that_was_chosen() -> None:
     # The kernel's is held to the reference's by tests/techniques/direct/test_shade_shadows.py.
     assert reference.REACH == 1
 
@@ -104,6 +102,7 @@ def test_lights_looked_at_are_counted(box: Context) -> None:
     assert coarser.error > restored.error
 
 
+@pytest.mark.slow
 def test_lights_looked_at_at_few_points_are_those_of_all_levels(box: Context) -> None:
     # All points are computed and nothing stands for several lights: those that face each group.
     every = multires_errors(box, {"coarsest": 1, "interpolation_error": 0.0, "light_error": 0.0})

@@ -53,12 +53,9 @@ def documented() -> list[dict[str, Any]]:
     return results
 
 
-def test_a_floor_is_not_on_the_front() -> None:
-    assert [result["front"] for result in documented()] == [False, False, True, True]
-
-
-def test_a_floor_is_a_level_line_in_the_plot() -> None:
+def test_a_floor_is_not_on_the_front_but_a_level_line_in_the_plot() -> None:
     results = documented()
+    assert [result["front"] for result in results] == [False, False, True, True]
     drawn = plot(results, looks(["embree", "floor", "gtao"], ["embree"]), "title", "occlusion")
     root = ET.fromstring(drawn)
     assert len(marked(root, "bound")) == 2

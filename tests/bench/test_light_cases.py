@@ -54,6 +54,7 @@ def test_direct_light_is_what_lights_send_less_shadows(runtime: Runtime) -> None
     assert np.isclose(image, wanted, rtol=1e-3, atol=1e-4).mean() > 0.5
 
 
+@pytest.mark.slow
 def test_geometry_alone_computes_fewer_pixels_than_a_bound_of_the_error(runtime: Runtime) -> None:
     context = Context(runtime, cornell_box(), SMALL)
     shares = []

@@ -42,7 +42,7 @@ def test_a_short_subject_is_repeated_within_a_run_and_its_time_is_that_of_one(ru
     watch = Stopwatch(runtime, runs=4)
     watch.reference_ms = [100.0]  # a long one, lest a sleep takes longer
     timing = watch.time(Subject(run=run, on_device=False))
-    assert timing.wall_ms.low >= 0.2  # a sleep is never shorter
+    assert 0.2 <= timing.wall_ms.low < 20.0  # a sleep is never shorter, and on a busy machine hardly so much longer
     assert timing.device_ms is None
     assert timing.passes == {}
     assert len(calls) > measure.WARM_UP + measure.TRIES * 4
@@ -76,20 +76,6 @@ def test_the_ratio_is_of_wall_times_whoever_does_the_work(
     assert (timing.device_ms and timing.device_ms.median) == (1.0 if on_device else None)
 
 
-def test_what_the_host_does_between_passes_counts(runtime: Runtime) -> None:
-    load = GatherLoad(runtime)
-
-    def run() -> None:
-        load.run()
-        time.sleep(0.05)
-
-    timing = Stopwatch(runtime, runs=4).time(Subject(run=run))
-    assert timing.wall_ms.low >= 50.0
-    # Both of its parts: the passes take at most as long as the reference, a fifth of the sleep on
-    # any machine but a busy one, whose reference is as slow.
-    assert timing.ratio.median > 50.0 / max(Stopwatch(runtime, runs=4).reference_ms) / 2.0
-
-
 def test_set_up_comes_before_each_run_and_is_not_timed(runtime: Runtime) -> None:
     done = []
 
@@ -103,20 +89,25 @@ def test_set_up_comes_before_each_run_and_is_not_timed(runtime: Runtime) -> None
     assert timing.wall_ms.median < 25.0
 
 
-def test_passes_of_one_name_add_up_and_skipped_ones_keep_their_reason(runtime: Runtime) -> None:
+def test_passes_of_one_name_add_up_and_what_the_host_does_between_them_counts(runtime: Runtime) -> None:
     load = GatherLoad(runtime)
 
     def run() -> None:
         load.run()
+        time.sleep(0.05)
         load.run()
         runtime.skip("blur", "radius 0")
 
-    timing = Stopwatch(runtime, runs=4).time(Subject(run=run))
-    assert list(timing.passes) == ["calibrate_gather"]
+    watch = Stopwatch(runtime, runs=4)
+    timing = watch.time(Subject(run=run))
+    assert timing.wall_ms.low >= 50.0
+    # All its parts: the passes take at most as long as two of the reference, less than the sleep on
+    # any machine but a busy one, whose reference is as slow.
+    assert timing.ratio.median > 50.0 / max(watch.reference_ms) / 2.0
     assert timing.skipped == {"blur": "radius 0"}
     assert timing.device_ms is not None
-    # All of the device's time is that pass; both are medians of the same sums.
-    assert timing.passes["calibrate_gather"] == pytest.approx(timing.device_ms.median, rel=1e-6)
+    # All of the device's time is one pass; both are medians of the same sums.
+    assert timing.passes == {"calibrate_gather": pytest.approx(timing.device_ms.median, rel=1e-6)}
 
 
 def clocked(monkeypatch: pytest.MonkeyPatch, took: Callable[[Subject], float]) -> list[str]:

@@ -235,19 +235,13 @@ def test_rays_fade_as_those_of_the_truth_do(name: str, attenuation: str, context
 
 
 @pytest.mark.slow
-def test_vtk_shows_an_open_floor_from_above_white(runtime: Runtime) -> None:
-    family = installed("vtk-ssao")
-    open_floor = Context(runtime, one_square(), (31, 45))
-    image = result(family.prepare(open_floor, "64"))
-    np.testing.assert_array_equal(image, np.ones((31, 45), np.float32))
-
-
-@pytest.mark.slow
-def test_vtk_sees_what_our_camera_sees(context: Context) -> None:
-    installed("vtk-ssao")
+def test_vtk_sees_what_our_camera_sees_and_shows_an_open_floor_white(context: Context) -> None:
     picture = vtk_ssao.Picture(context, 32)
     picture.draw()
     np.testing.assert_array_equal(picture.shown(), context.seen)
+    open_floor = Context(context.runtime, one_square(), (31, 45))
+    image = result(installed("vtk-ssao").prepare(open_floor, "64"))
+    np.testing.assert_array_equal(image, np.ones((31, 45), np.float32))
 
 
 @pytest.mark.slow

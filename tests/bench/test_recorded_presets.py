@@ -144,6 +144,14 @@ def test_errors_are_means_over_a_set(sets: SceneSets) -> None:
     assert geometric_mean([0.01, 0.04]) == pytest.approx(0.02)
 
 
+@pytest.fixture
+def _no_trials(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Errors of nothing that is run."""
+    for name, value in (("prepare", None), ("error", 0.125), ("errors", [0.25, 0.5])):
+        monkeypatch.setattr(bench_trials.Trials, name, lambda self, *_, value=value: value)
+
+
+@pytest.mark.usefixtures("_no_trials")
 def test_record_holds_a_ladder_for_each_number_of_layers(sets: SceneSets, monkeypatch: pytest.MonkeyPatch) -> None:
     entry = replace(TECHNIQUES["ssao"], layers=(1, 2))
     monkeypatch.setitem(TECHNIQUES, "ssao", entry)
@@ -173,11 +181,13 @@ def test_record_holds_a_ladder_for_each_number_of_layers(sets: SceneSets, monkey
             assert all(a > b for a, b in pairwise(values)), of
         times = [preset["ms"] for preset in presets.values()]
         assert times == sorted(times)
-        assert set(presets["high"]["by_scene"]) == {"reporting 0", "reporting 1"}
+        assert presets["high"]["by_scene"] == {"reporting 0": 0.25, "reporting 1": 0.5}
+        assert (presets["high"]["reporting"], presets["high"]["error_cut"]) == (0.3536, 0.125)
         assert presets["low"]["parameters"] in [point["parameters"] for point in recorded["curve"]]
     assert document["pace"]["call_ms"] == 0.01235
 
 
+@pytest.mark.usefixtures("_no_trials")
 def test_defaults_that_are_no_candidate_are_refused(sets: SceneSets, monkeypatch: pytest.MonkeyPatch) -> None:
     entry = TECHNIQUES["ssao"]
     monkeypatch.setitem(TECHNIQUES, "ssao", replace(entry, tunable={**entry.tunable, "samples": [5]}))

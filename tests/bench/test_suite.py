@@ -64,9 +64,6 @@ def test_what_is_no_name_is_refused_with_an_example(name: str) -> None:
 def test_a_setting_that_is_no_count_is_refused_with_the_range(setting: str) -> None:
     with pytest.raises(ValueError, match="expected a number of samples, 1 to 256"):
         count_of(setting, "a number of samples", 1, 256)
-
-
-def test_a_setting_that_is_a_count_is_one() -> None:
     assert count_of("16", "a number of samples", 1, 256) == 16
 
 
@@ -84,12 +81,8 @@ def test_a_pattern_may_stop_early_and_hold_wildcards() -> None:
     assert names("ssao*.16.b") == ["ssao.16.b.40x30", "ssao-blur.16.b.40x30", "ssao-half.16.b.40x30"]
     assert names("*.7.a.40x30", "blur.7.a") == ["blur.7.a.40x30"]  # each once
     assert names("*") == names("*.a.*", "*40x30") == names()
-
-
-def test_cases_of_a_scene_and_size_are_together_whatever_the_order_of_patterns() -> None:
-    chosen = suite.select(["ssao.4", "blur.2"], ["a", "b"], [SMALL, (60, 80)], OWN)
-    places = [(case.scene, case.size) for case in chosen]
-    assert places == [place for place in dict.fromkeys(places) for _ in range(2)]
+    # Cases of a scene and size are together, whatever the order of patterns.
+    assert [name.split(".")[2] for name in names("ssao.4", "blur.2")] == ["a", "a", "b", "b"]
 
 
 def test_a_full_name_may_ask_for_an_unusual_setting_and_size() -> None:

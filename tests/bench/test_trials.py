@@ -13,11 +13,14 @@ from ssgi_cl.tuning.context import Context
 from ssgi_cl.tuning.trials import Trials
 
 
-def test_time_is_the_median_ratio_to_the_reference_beside(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def trials(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> Trials:
     reference = cycle([7.0, 3.0, 5.0])  # what else the machine does only slows it down
     monkeypatch.setattr(Trials, "_device_ms", lambda self, run: next(reference))
-    contexts = [Context(runtime, cornell_box(), (24, 32)) for _ in range(2)]
-    trials = Trials(TECHNIQUES["ssao"], contexts, {}, "rmse")
+    return Trials(TECHNIQUES["ssao"], [Context(runtime, cornell_box(), (24, 32)) for _ in range(2)], {}, "rmse")
+
+
+def test_time_is_the_median_ratio_to_the_reference_beside(trials: Trials, monkeypatch: pytest.MonkeyPatch) -> None:
     # Reference and subject by turns: ratios 2, 3 and 4.
     times = iter([10.0, 20.0, 10.0, 30.0, 10.0, 40.0, 10.0, 90.0])
     monkeypatch.setattr(Trials, "_device_ms", lambda self, run: next(times))
@@ -26,9 +29,8 @@ def test_time_is_the_median_ratio_to_the_reference_beside(runtime: Runtime, monk
     assert next(times) == 10.0  # no more repetitions than asked for
 
 
-def test_repetitions_end_when_they_took_enough(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
-    trials = Trials(TECHNIQUES["ssao"], [Context(runtime, cornell_box(), (24, 32))], {}, "rmse")
-    runs = []
+def test_repetitions_end_when_they_took_enough(trials: Trials, monkeypatch: pytest.MonkeyPatch) -> None:
+    runs: list[object] = []
     monkeypatch.setattr(Trials, "_device_ms", lambda self, run: (runs.append(run), 10.0)[1])
     for fewest, enough_ms, count in ((1, 25.0, 3), (5, 25.0, 5), (1, 0.0, 1)):
         runs.clear()

@@ -102,6 +102,10 @@ def test_budget_gives_the_least_error_within_the_time(tuned: Tuned) -> None:
     assert tuning.error == pytest.approx(1 / 16, abs=1e-4)
     assert isinstance(tuning.best, SsaoParams)
     assert tuning.best.samples == 16
+    # The error of what is far too slow is not computed.
+    slow = [trial for trial in tuning.tried if trial.ms > 1.7 * module.SLACK]
+    assert len(slow) > 5
+    assert all(trial.error is None for trial in slow)
 
 
 def test_error_bound_gives_the_least_time_within_the_error(tuned: Tuned) -> None:
@@ -133,13 +137,6 @@ def test_front_holds_what_no_other_beats_in_time_and_error(tuned: Tuned) -> None
     assert tuning.parameters in [trial.parameters for trial in front]
 
 
-def test_error_of_what_is_far_too_slow_is_not_computed(tuned: Tuned) -> None:
-    tuning = tuned(budget_ms=0.9)
-    slow = [trial for trial in tuning.tried if trial.ms > 0.9 * module.SLACK]
-    assert len(slow) > 5
-    assert all(trial.error is None for trial in slow)
-
-
 def test_budget_that_nothing_keeps_is_an_error_that_says_what_was_reached(tuned: Tuned) -> None:
     with pytest.raises(TuneError, match=r"budget_ms is 0.05: .* takes 0.1 ms"):
         tuned(budget_ms=0.05)
@@ -167,16 +164,12 @@ def test_parameters_that_rule_each_other_out_are_skipped(tuned: Tuned) -> None:
     assert all(full_below_none(trial) for trial in tuning.tried)
 
 
-def test_same_arguments_give_the_same_tuning(tuned: Tuned) -> None:
-    first, second = tuned(budget_ms=2.0), tuned(budget_ms=2.0)
+def test_same_arguments_give_the_same_tuning_with_progress_that_grows(tuned: Tuned) -> None:
+    shares: list[float] = []
+    first, second = tuned(budget_ms=2.0), tuned(budget_ms=2.0, progress=lambda text, share: shares.append(share))
     assert first.tried == second.tried
     assert first.best == second.best
     assert tuned(budget_ms=2.0, seed=7).tried != first.tried
-
-
-def test_progress_grows_to_at_most_1(tuned: Tuned) -> None:
-    shares = []
-    tuned(budget_ms=2.0, progress=lambda text, share: shares.append(share))
     assert shares == sorted(shares)
     assert 0.5 < shares[-1] <= 1.0
 
@@ -198,12 +191,9 @@ def test_saved_tuning_tells_all_it_depends_on(runtime: Runtime, tuned: Tuned, tm
     assert document["variant"] == str(runtime.variant)
     assert document["truth"]["rays"] >= 256
     assert document["version"] == gi.__version__
-
-
-def test_tuning_that_cannot_be_saved_leaves_nothing(tuned: Tuned, tmp_path: Path) -> None:
     with pytest.raises(OSError, match="cannot write the file"):
-        tuned(budget_ms=2.0).save(tmp_path / "no" / "tuning.json")
-    assert list(tmp_path.iterdir()) == []
+        tuning.save(tmp_path / "no" / "tuning.json")
+    assert [path.name for path in tmp_path.iterdir()] == ["tuning.json"]
 
 
 @pytest.mark.slow
@@ -304,12 +294,9 @@ def test_scene_that_is_not_for_tuning_is_refused(name: str, why: str) -> None:
         gi.tune("ssao", budget_ms=1.0, scenes=[name])
 
 
-def test_scene_itself_is_taken_whatever_its_name() -> None:
+def test_a_scene_itself_is_taken_whatever_its_name_but_in_a_list() -> None:
     (view,) = views_of([cornell_box()])
     assert view.name == "cornell_box"
-
-
-def test_scenes_without_a_list_are_refused() -> None:
     with pytest.raises(TypeError, match="expected a list of names or scenes"):
         views_of("workshop")
 

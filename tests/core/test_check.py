@@ -115,16 +115,13 @@ def test_planes_may_hold_infinity_where_it_is_allowed() -> None:
     assert checks.plane("p", [[np.inf]], low=0, infinite=True) == np.inf
 
 
-@pytest.mark.parametrize("shape", [(), (3,), (3, 4, 3), (2, 3, 4, 3)])
-def test_planes_have_rows_and_columns(shape: tuple[int, ...]) -> None:
-    with pytest.raises(ValueError, match=r"expected \(rows, columns\)"):
-        checks.plane("p", np.zeros(shape))
-
-
-def test_planes_of_colours_have_channels() -> None:
+@pytest.mark.parametrize(
+    ("shape", "channels"), [((), None), ((3,), None), ((3, 4, 3), None), ((2, 3, 4, 3), None), ((2, 3, 4), 3)]
+)
+def test_planes_have_rows_columns_and_channels(shape: tuple[int, ...], channels: int | None) -> None:
     assert checks.plane("p", np.zeros((2, 3, 3)), channels=3).shape == (2, 3, 3)
-    with pytest.raises(ValueError, match=r"shape \(2, 3, 4\): expected \(rows, columns, 3\)"):
-        checks.plane("p", np.zeros((2, 3, 4)), channels=3)
+    with pytest.raises(ValueError, match=rf"expected \(rows, columns{', 3' if channels else ''}\)"):
+        checks.plane("p", np.zeros(shape), **({"channels": channels} if channels else {}))
 
 
 def test_lists_have_a_width_and_may_be_empty() -> None:

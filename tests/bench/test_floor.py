@@ -8,13 +8,12 @@ from typing import Any
 import pytest
 
 from ssgi_cl.bench import suite, summary, table
-from ssgi_cl.bench.cases import FAMILIES
 from ssgi_cl.bench.plot import looks, plot
 from ssgi_cl.bench.verdict import mark
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import cornell_box
 from ssgi_cl.tuning.case import Case
-from ssgi_cl.tuning.context import Context, TruthSettings
+from ssgi_cl.tuning.context import TruthSettings
 
 from .documents import entry, marked, path_points, printed, texts, whole
 
@@ -33,13 +32,6 @@ def test_more_layers_have_a_lower_floor_and_no_time(runtime: Runtime) -> None:
     assert not one["timed"]
     assert one["errors"]["world"]["rmse"] > 1.3 * four["errors"]["world"]["rmse"] > 0.0
     assert sorted(found.pictures) == sorted(case.name for case in cases)
-
-
-@pytest.mark.parametrize("setting", ["0", "17", "1-0", "1-100", "4x10", "many", ""])
-def test_a_wrong_setting_is_refused(setting: str, runtime: Runtime) -> None:
-    context = Context(runtime, cornell_box(), (6, 8))
-    with pytest.raises(ValueError, match=rf"setting is '{setting}': expected LAYERS or LAYERS-OV"):
-        FAMILIES["floor"].prepare(context, setting)
 
 
 def documented() -> list[dict[str, Any]]:

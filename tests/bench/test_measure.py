@@ -1,4 +1,4 @@
-"""Timing: medians, quartiles, ratios to the reference, and what is not to be relied on."""
+"""Timing: medians, quartiles, ratios to the reference, what is not to be relied on, and a device's ceilings."""
 
 from __future__ import annotations
 
@@ -10,10 +10,14 @@ import numpy as np
 import pytest
 
 from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.rasterize.scenes import cornell_box
+from ssgi_cl.techniques.catalogue import TECHNIQUES
 from ssgi_cl.tuning import measure
-from ssgi_cl.tuning.calibration import GatherLoad
+from ssgi_cl.tuning.calibration import GATHERS, REACH_LOG2, Calibration, GatherLoad
 from ssgi_cl.tuning.case import Subject
+from ssgi_cl.tuning.context import Context
 from ssgi_cl.tuning.measure import Spread, Stopwatch, busyness, disagreement
+from ssgi_cl.tuning.trials import Trials
 
 
 def test_a_spread_is_median_and_quartiles() -> None:
@@ -165,3 +169,55 @@ def test_a_slow_subject_is_repeated_less_often_but_often_enough(runtime: Runtime
     fast = Stopwatch(runtime, seconds=5.0).time(Subject(run=lambda: None, on_device=False))
     assert fast.runs == measure.MOST
     assert np.isfinite(fast.ratio.median)
+
+
+@pytest.mark.slow  # a second for each form, and more on images
+def test_ceilings_are_those_of_a_machine(variant_runtime: Runtime) -> None:
+    found = Calibration.of(variant_runtime)
+    # Wide: from a small board's single core to the largest GPU.
+    assert 0.1 < found.bandwidth_gb_s < 2e4
+    assert 0.01 < found.gathers_g_s < 2e4
+    assert 0.1 < found.multiply_adds_gflop_s < 2e5
+
+
+def test_scattered_reads_sum_what_they_should(variant_runtime: Runtime) -> None:
+    load = GatherLoad(variant_runtime)
+    with variant_runtime.frame():
+        load.run()
+    values = load._source.download()[0]
+    steps = load._steps.download()
+    reach = 1 << REACH_LOG2
+    lanes = variant_runtime.variant.lanes
+    rows, columns = load.size
+    for y, x in ((100, 208), (301, 37), (200, 463)):
+        first = min(max(x // lanes * lanes, reach), columns - reach - lanes)
+        own, lane = first + x % lanes, (first & 15) + x % lanes
+        assert reach <= y < rows - reach
+        expected = sum(values[y + steps[32 * i + 16 + lane], own + steps[32 * i + lane]] for i in range(GATHERS))
+        # 64 numbers below 1 in float32: each partial sum rounds by 2^-19 at most.
+        np.testing.assert_allclose(load._sum.download()[0, y, x], expected, atol=64 * 2.0**-19)
+
+
+@pytest.fixture
+def trials(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> Trials:
+    reference = itertools.cycle([7.0, 3.0, 5.0])  # what else the machine does only slows it down
+    monkeypatch.setattr(Trials, "_device_ms", lambda self, run: next(reference))
+    return Trials(TECHNIQUES["ssao"], [Context(runtime, cornell_box(), (24, 32)) for _ in range(2)], {}, "rmse")
+
+
+def test_time_is_the_median_ratio_to_the_reference_beside(trials: Trials, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Reference and subject by turns: ratios 2, 3 and 4.
+    times = iter([10.0, 20.0, 10.0, 30.0, 10.0, 40.0, 10.0, 90.0])
+    monkeypatch.setattr(Trials, "_device_ms", lambda self, run: next(times))
+    # The least time of the reference turns a ratio into ms; both views together, told for each.
+    assert trials._device_ms_of(lambda: None, most=3, enough_ms=1e9) == 3.0 * 3.0 / 2.0
+    assert next(times) == 10.0  # no more repetitions than asked for
+
+
+def test_repetitions_end_when_they_took_enough(trials: Trials, monkeypatch: pytest.MonkeyPatch) -> None:
+    runs: list[object] = []
+    monkeypatch.setattr(Trials, "_device_ms", lambda self, run: (runs.append(run), 10.0)[1])
+    for fewest, enough_ms, count in ((1, 25.0, 3), (5, 25.0, 5), (1, 0.0, 1)):
+        runs.clear()
+        trials._device_ms_of(lambda: None, most=9, enough_ms=enough_ms, fewest=fewest)
+        assert len(runs) == 2 * count  # as many of the reference

@@ -209,13 +209,3 @@ def test_progress_grows_to_one_and_names_what_is_under_way(runtime: Runtime) -> 
     assert shares[-1] == 1.0
     assert max(shares) <= 1.0
     assert any("rays of cornell_box" in text for text, _ in seen)
-
-
-def test_the_truth_of_another_attenuation_is_another_truth(runtime: Runtime) -> None:
-    means = []
-    for attenuation in ("none", "linear"):
-        context = Context(runtime, cornell_box(), SMALL, replace(QUICK, rays=16, attenuation=attenuation))
-        means.append(float(context.occlusion().mean.mean()))
-    # What is far away occludes less.
-    assert means[1] > means[0] + 0.01
-    assert np.isfinite(means).all()

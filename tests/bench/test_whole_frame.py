@@ -98,11 +98,6 @@ def test_cameras_go_aside_in_equal_steps_and_start_again(context: Context) -> No
     assert np.linalg.norm(places[0] - context.camera.position) == pytest.approx(1e-3 * way, rel=1e-5)
 
 
-def test_an_unknown_frame_is_refused(context: Context) -> None:
-    with pytest.raises(ValueError, match="setting is 'best': expected one of 'default', 'low"):
-        FAMILIES["frame"].prepare(context, "best")
-
-
 def test_a_light_that_stands_in_for_emission_is_a_scene_of_its_own(runtime: Runtime) -> None:
     box, spot = views_of(["cornell_box", SPOT], runtime).values()
     assert box.own_lights == ()

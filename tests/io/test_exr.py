@@ -49,19 +49,13 @@ def test_what_is_written_is_read_back_to_the_bit(tmp_path: Path, rows: int, colu
         np.testing.assert_array_equal(together, arrays[name])
     np.testing.assert_array_equal(channels["Z"], arrays["depth"])
     np.testing.assert_array_equal(channels["ao"], arrays["ao"])
-    assert [path.name for path in tmp_path.iterdir()] == ["a.exr"]
-
-
-def test_a_gbuffer_comes_back_to_the_bit(tmp_path: Path) -> None:
-    arrays = arrays_of(17, 31)
-    exr.write(tmp_path / "a.exr", arrays)
     found = exr.read_gbuffer(tmp_path / "a.exr")
     assert sorted(found) == ["albedo", "depth", "emission", "normal"]
     for name, array in found.items():
         np.testing.assert_array_equal(array, arrays[name])
         assert array.dtype == np.float32
         assert array.flags.c_contiguous
-    assert np.isposinf(found["depth"][0, 0])
+    assert [path.name for path in tmp_path.iterdir()] == ["a.exr"]
 
 
 def test_infinities_nan_and_views_with_strides_are_kept(tmp_path: Path) -> None:

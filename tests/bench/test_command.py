@@ -40,15 +40,12 @@ def test_a_case_is_measured_and_written_as_json_and_markdown(tmp_path: Path) -> 
     assert "ssao.4" in paths[1].read_text(encoding="utf-8")
 
 
-def test_cases_are_listed_without_measuring() -> None:
+def test_cases_are_listed_without_measuring_and_without_peers_if_asked() -> None:
     names = bench("blur", "--list").output.split()
     assert names == [f"blur.{radius}.cornell_box.40x30" for radius in (2, 4, 7, 16)]
-
-
-def test_without_peers_only_this_librarys_cases_are_there() -> None:
-    every, own = (bench(*own, "--list").output.split() for own in ([], ["--own"]))
-    assert set(own) < set(every)
-    assert {"embree", "vtk-ssao"} <= {name.split(".")[0] for name in set(every) - set(own)}
+    every, own = (set(bench(*own, "--list").output.split()) for own in ([], ["--own"]))
+    assert own < every
+    assert {"embree", "vtk-ssao"} <= {name.split(".")[0] for name in every - own}
 
 
 def test_a_result_compared_with_itself_is_no_worse_and_a_slower_one_fails(tmp_path: Path) -> None:

@@ -48,16 +48,12 @@ def test_whole_numbers_have_equal_shares_and_both_ends() -> None:
     assert np.bincount(values).tolist() == [200] * 5
 
 
-def test_wide_ranges_of_positive_numbers_are_searched_by_ratio() -> None:
+def test_wide_ranges_are_searched_by_ratio_and_words_and_switches_without_order() -> None:
     # The middle of 0.01 to 100 is then 1, their geometric mean.
     assert Axis("x", 0.01, 100.0).at(0.5) == pytest.approx(1.0)
     assert Axis("x", 1.0, 2.0).at(0.5) == pytest.approx(1.5)
-
-
-def test_numbers_are_ordered_and_words_and_switches_are_not() -> None:
-    assert Axis("x", values=(1, 2.5, 4)).ordered
-    assert not Axis("x", values=("a", "b")).ordered
-    assert not Axis("x", values=(False, True)).ordered
+    kinds = ((1, 2.5, 4), ("a", "b"), (False, True))
+    assert [Axis("x", values=values).ordered for values in kinds] == [True, False, False]
 
 
 AXES = [

@@ -48,18 +48,14 @@ def test_a_view_names_its_mesh_its_camera_and_how_far_occlusion_reaches(ball: Pa
     assert views["near"].ao_radius == 0.25
     ball.with_name("a ball.v2.scene.json").write_text(f"{{{CAMERA}}}")  # a camera beside the mesh
     np.testing.assert_allclose(views_of([str(ball)], runtime)["a_ball_v2"].eye, (0, 0, 9), atol=1e-12)
+    # Meshes may lie in another folder than views.
+    (moved := ball.parent / "views" / "moved.json").write_text(f'{{"mesh": "{ball.name}", {CAMERA}}}')
+    assert len(views_of([str(moved)], runtime, ball.parent)["moved"].scene.triangles) == 320
+    with pytest.raises(SceneError, match=r"views.*ball"):
+        views_of([str(moved)], runtime)
     # From far away the ball is smaller than the picture: 5 % of the diagonal of a box 4 units wide
     # (an icosphere's box is that within 2 %).
     assert views["far"].ao_radius == pytest.approx(0.05 * 4.0 * 3.0**0.5, rel=0.02)
-
-
-def test_meshes_may_lie_in_another_folder_than_views(ball: Path, tmp_path: Path, runtime: Runtime) -> None:
-    (tmp_path / "views").mkdir()
-    view = tmp_path / "views" / "near.json"
-    view.write_text(f'{{"mesh": "{ball.name}", {CAMERA}}}')
-    assert len(views_of([str(view)], runtime, ball.parent)["near"].scene.triangles) == 320
-    with pytest.raises(SceneError, match=r"views.*ball"):
-        views_of([str(view)], runtime)
 
 
 @pytest.mark.parametrize(

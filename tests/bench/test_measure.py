@@ -20,18 +20,12 @@ from ssgi_cl.tuning.measure import Spread, Stopwatch, busyness, disagreement
 from ssgi_cl.tuning.trials import Trials
 
 
-def test_a_spread_is_median_and_quartiles() -> None:
+def test_times_have_a_spread_and_tell_of_halves_that_disagree_and_of_a_busy_machine() -> None:
     assert Spread.of([5.0, 1.0, 2.0, 4.0, 3.0]) == Spread(median=3.0, low=2.0, high=4.0)
-
-
-def test_halves_that_agree_are_steady_and_others_say_by_how_much_they_differ() -> None:
     assert disagreement([0.0, 0.0, 0.0, 0.0]) == ""  # kept frames
     assert disagreement([1.0, 1.05, 1.1, 1.05]) == ""
     assert "21 %" in disagreement([1.0, 1.0, 1.21, 1.21])
     assert "100 %" in disagreement([2.0, 2.0, 1.0, 1.0])
-
-
-def test_a_reference_far_above_its_fastest_tells_of_a_busy_machine() -> None:
     assert busyness([1.0, 1.2, 1.29], 1.0) == ""
     assert "1.8 times" in busyness([1.0, 1.8, 9.0], 1.0)
 

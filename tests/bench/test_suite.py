@@ -1,4 +1,4 @@
-"""Choosing cases, measuring them, and going on where one can't run."""
+"""Choosing cases of every technique, measuring them, and going on where one can't run."""
 
 from __future__ import annotations
 
@@ -10,15 +10,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssgi_cl.bench import document, suite
+from ssgi_cl.bench import calls, cases, document, suite
 from ssgi_cl.bench.cases import OWN
+from ssgi_cl.bench.experiments import defaults
 from ssgi_cl.bench.verdict import mark
 from ssgi_cl.core import lights
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import BuiltinScene, cornell_box
+from ssgi_cl.techniques.catalogue import CATALOGUE, TECHNIQUES
+from ssgi_cl.techniques.technique import Bench
 from ssgi_cl.truth import Truth
 from ssgi_cl.tuning.case import Case, Family, Subject, count_of
 from ssgi_cl.tuning.context import Context, TruthSettings
+from tools.figures import tables
 
 pytestmark = pytest.mark.usefixtures("own_store")
 
@@ -209,3 +213,23 @@ def test_progress_grows_to_one_and_names_what_is_under_way(runtime: Runtime) -> 
     assert shares[-1] == 1.0
     assert max(shares) <= 1.0
     assert any("rays of cornell_box" in text for text, _ in seen)
+
+
+def test_every_technique_is_measured_called_and_shown() -> None:
+    assert set(TECHNIQUES) <= set(cases.FAMILIES)
+    for name, each in CATALOGUE.items():
+        assert set(each.bench.families) <= set(cases.FAMILIES), name
+        for _, figures in each.bench.rows.values():
+            shown = {case.split(".")[0] for _, case in figures}
+            assert shown <= set(cases.FAMILIES), name
+        assert each.kind == "ao" or getattr(calls, each.function.__name__, None) is each.function, name
+    assert {name.replace("_", " ") for name in CATALOGUE if CATALOGUE[name].kind == "ao"} <= set(calls.CALLS)
+    assert set(defaults.SCANS) == {"shadow_map", "vpl_splat", "multires_splat", "ssdo_views"}
+
+
+def test_a_technique_has_rows_and_a_page_by_its_descriptor_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = tables.rows()
+    assert [call for call, _, _ in before] == list(tables.ORDER)
+    new = replace(CATALOGUE["ssao"], name="new", bench=Bench(rows={"new": ("what", (("", "ssao.4"),))}))
+    monkeypatch.setitem(CATALOGUE, "new", new)
+    assert tables.rows() == [*before, ("new", "what", (("", "ssao.4"),))]

@@ -31,12 +31,9 @@ class Example(Params):
     limit: float = param(math.inf, "largest size", unit="px", low=1.0)
 
 
-def test_defaults_are_allowed() -> None:
+def test_defaults_are_allowed_and_numbers_become_those_of_python() -> None:
     made = Example()
     assert dataclasses.astuple(made) == (0.5, 4, "fast", True, math.inf)
-
-
-def test_numbers_become_those_of_python() -> None:
     made = Example(radius=np.float32(0.5), count=np.int64(3))  # type: ignore[arg-type]
     assert (type(made.radius), type(made.count)) == (float, int)
     assert Example(radius=2).radius == 2.0

@@ -229,11 +229,8 @@ def test_windows_are_written_and_read_back(tmp_path: Path) -> None:
     assert (header.data, header.display, header.size) == (data, display, (4, 6))
     with pytest.raises(ValueError, match="expected a window of 6 columns and 4 rows"):
         exr.write(tmp_path / "a.exr", {"depth": np.ones((4, 6))}, data=(0, 0, 6, 3))
-
-
-def test_an_array_of_another_size_is_not_added(damaged: Path) -> None:
-    with pytest.raises(ValueError, match=r"ao has 4 rows and 6 columns: expected 64 x 48"):
-        exr.add(damaged, {"ao": np.ones((4, 6))})
+    with pytest.raises(ValueError, match=r"ao has 6 rows and 4 columns: expected 4 x 6"):
+        exr.add(tmp_path / "a.exr", {"ao": np.ones((6, 4))})
 
 
 @pytest.mark.parametrize("kind", [name for name in dir(OpenEXR) if name.startswith("HTJ2K")])

@@ -82,6 +82,8 @@ def test_wider_shadow_filter_errs_more(box: Context) -> None:
     narrow, usual, wide = (shadow_errors(box, {"reach": reach}) for reach in (0, 1, 3))
     assert narrow.error < usual.error < wide.error
     assert usual == shadow_errors(box, {"reach": reference.REACH})
+    assert 0.0 < usual.beside < 5.0
+    assert usual.error**2 > 0.25 * usual.beside / 100.0  # wrong pixels are off by more than a half
     # The kernel's is held to the reference's by tests/techniques/direct/test_shade_shadows.py.
     assert reference.REACH == 1
 

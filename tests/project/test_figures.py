@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import re
 import xml.etree.ElementTree as ET
@@ -78,10 +79,21 @@ def test_no_published_verdict_contradicts_a_row(name: str) -> None:
 
 @pytest.mark.parametrize("name", list(figures.PLANS))
 def test_marks_of_the_recorded_front_are_those_of_its_rows(name: str) -> None:
-    found = pages.recorded(ROOT, name)
-    before = [(r["front"], r["near"]) for r in found["results"]]
-    mark(found["results"])
-    assert [(r["front"], r["near"]) for r in found["results"]] == before
+    def marks(results: list[dict[str, Any]]) -> list[tuple[bool, bool]]:
+        mark(results)
+        return [(result["front"], result["near"]) for result in results]
+
+    found = pages.recorded(ROOT, name)["results"]
+    kept = [(result["front"], result["near"]) for result in found]
+    # Marks are made before numbers are cut to five digits: of two rows that are equal in these, either may be less.
+    for place in [i for i, (made, there) in enumerate(zip(marks(found), kept, strict=True)) if made != there]:
+        either = []
+        for ms, error in ((1.0, 1.0 - 1e-9), (1.0, 1.0 + 1e-9), (1.0 - 1e-9, 1.0), (1.0 + 1e-9, 1.0)):
+            exact = copy.deepcopy(found)
+            exact[place]["wall_ms"]["median"] *= ms
+            exact[place]["errors"]["world"]["rmse"] *= error
+            either.append(marks(exact)[place])
+        assert kept[place] in either, found[place]["name"]
 
 
 def test_all_documents_are_of_one_revision_and_machine() -> None:

@@ -29,7 +29,7 @@ from ssgi_cl.techniques.vpl.vpl_splat import VplSplatParams, vpl_splat
 from ssgi_cl.techniques.vpl.vpl_tree import GROUP, SHARES
 from ssgi_cl.truth import one_bounce
 
-from ..analytic import Plane, camera, scene, trace
+from ..analytic import Plane, camera, scene, slow_but, trace
 from ..vpl.given import (
     assert_second_run_allocates_nothing,
     assert_what_does_not_fit_is_refused,
@@ -286,7 +286,7 @@ def receivers_and_walls(
 
 
 # Of 4 lights in a square all are as near to the mean, and rounding decides which one is taken.
-@pytest.mark.parametrize("share", SHARES[1:])
+@pytest.mark.parametrize("share", slow_but(SHARES[1:], SHARES[1]))
 def test_lines_of_sight_agree_with_numpy_reference(
     variant_runtime: Runtime, walled: tuple[GBuffer, Any, Vpls], share: int
 ) -> None:

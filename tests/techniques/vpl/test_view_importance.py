@@ -97,6 +97,7 @@ def test_lights_go_where_they_reach_the_image_and_keep_the_flux_of_the_map(varia
     assert sum_by_importance == pytest.approx(sum_by_flux, rel=1e-5)
 
 
+@pytest.mark.slow  # the means of 33 images; the choice and the rays are held to the reference above
 def test_shared_shadow_rays_and_importance_change_no_mean(runtime: Runtime) -> None:
     made = BUILTIN_SCENES["parlour"]()
     gbuffer = uploaded(runtime, drawn(made.scene, made.camera(120, 90), runtime=runtime))

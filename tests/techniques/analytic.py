@@ -22,7 +22,7 @@ TARGET = (0.2, 0.4, -0.3)
 CAMERAS = ("perspective", "orthographic", "off-centre", "reversed-z", "intrinsics")
 
 
-def slow_but(values: Iterable[str], *fast: str) -> list[Any]:
+def slow_but(values: Iterable[Any], *fast: Any) -> list[Any]:
     """Return values of a parameter of tests, of which the fast tests take those named."""
     return [pytest.param(v, marks=() if v in fast else pytest.mark.slow) for v in values]
 

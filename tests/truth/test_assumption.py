@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -45,11 +46,14 @@ def test_kernel_converges_to_it_with_more_samples(runtime: Runtime, variant: str
     gbuffer = corner("bumpy")
     params = {"radius": RADIUS, **VARIANTS[variant]}
     truth = assumption.ssao(gbuffer, SsaoParams(**params), 1024)
-    few, many = (
-        ssao(gbuffer, samples=samples, blur_radius=0, runtime=runtime, **params) - truth.mean for samples in (4, 256)
-    )
-    # Points at random would halve the error three times; these are spread better. Measured: 0.10.
-    assert rms(many) < 0.125 * rms(few)
+    # Each number of samples is a program of its own: the slow tests take all steps.
+    counts = (4, 256) if variant == "default" or "falloff" in params else (4, 16, 64, 256)
+    off = [ssao(gbuffer, samples=samples, blur_radius=0, runtime=runtime, **params) - truth.mean for samples in counts]
+    # Points at random would halve the error at each step, to an eighth in all; these are spread
+    # better. Measured: 0.33 to 0.63, and 0.10 in all.
+    for few, many in pairwise(off):
+        assert rms(many) < 0.75 * rms(few)
+    assert rms(many) < 0.125 * rms(off[0])
     # A tile of 16 pixels takes 16 times as many points, so that the mean is off by no more than
     # the truth is, which is a half to a third of what the kernel is (measured).
     assert abs(float(many.mean())) < rms(truth.error) < 0.6 * rms(many)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.scene import Scene
+from ssgi_cl.rasterize.scenes import make_scene
+
+made = cache(make_scene)
+"""A built-in or generated scene, made once for all tests."""
 
 WIDTH, HEIGHT = 240, 180
 FLOOR = ((-6, -1, 1), (6, -1, 1), (6, -1, -12), (-6, -1, -12))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import math
 import time
 
@@ -11,11 +10,11 @@ import pytest
 
 from ssgi_cl.core.lights import DirectionalLight, Environment, SpotLight
 from ssgi_cl.rasterize.parts import complete
-from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, REPORTED, TUNED_ON, BuiltinScene, make_scene
+from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, REPORTED, TUNED_ON, BuiltinScene
 from ssgi_cl.rasterize.scenes.scatter import copies, noise, rotation, shares
 from ssgi_cl.rasterize.scenes.shapes import ball, box, pole
 
-made = functools.cache(make_scene)
+from .meshes import made
 
 
 @pytest.fixture(params=sorted(BUILTIN_SCENES))

@@ -15,9 +15,10 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import Material, Scene, rsm
 from ssgi_cl.rasterize.raster.device_scene import DeviceScene
 from ssgi_cl.rasterize.raster.shadow_map import RsmRenderer, every_nth, light_cameras
-from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, BuiltinScene
+from ssgi_cl.rasterize.scenes import BuiltinScene
 
 from . import meshes
+from .meshes import made
 
 Doubles = NDArray[np.float64]
 WHITE = (1.0, 1.0, 1.0)
@@ -49,10 +50,10 @@ def room(albedo: tuple[float, float, float] = WHITE) -> Scene:
 
 
 def cornell_box() -> tuple[BuiltinScene, SpotLight]:
-    made = BUILTIN_SCENES["cornell_box"]()
-    (light,) = made.lights
+    box = made("cornell_box")
+    (light,) = box.lights
     assert isinstance(light, SpotLight)
-    return made, light
+    return box, light
 
 
 def total(result: ReflectiveShadowMap) -> Doubles:
@@ -172,7 +173,7 @@ def test_positions_and_normals_lie_on_the_surfaces(runtime: Runtime) -> None:
 
 
 def test_a_directional_light_sees_the_whole_scene_from_outside(runtime: Runtime) -> None:
-    scene = BUILTIN_SCENES["hall"]().scene
+    scene = made("terrace").scene
     direction = np.array([-0.8, -0.46, -0.34])
     (camera,) = light_cameras(DirectionalLight(direction, 1.0), scene.bounds, 64)
     points = (scene.positions[::97] + scene.origin) @ camera.view[:3, :3].T + camera.view[:3, 3]
@@ -241,7 +242,7 @@ def test_a_map_of_one_texel(runtime: Runtime) -> None:
 
 def test_every_build_of_the_kernels_gives_the_same(other_variant: Runtime) -> None:
     reference = Runtime.open()
-    scene = BUILTIN_SCENES["hall"]()
+    scene = made("hall")
     for light in scene.lights:
         if isinstance(light, Environment):
             continue
@@ -283,11 +284,11 @@ def test_depth_for_shadows_is_a_few_roundings_off(runtime: Runtime) -> None:
         assert not np.isfinite(other).any()
 
 
-@pytest.mark.parametrize("step", [2, 3])
+@pytest.mark.parametrize("step", [pytest.param(2, marks=pytest.mark.slow), 3])
 def test_every_nth_texel_is_that_of_the_whole_map(variant_runtime: Runtime, step: int) -> None:
-    made, light = cornell_box()
-    kept = DeviceScene(variant_runtime, made.scene)
-    (camera,) = light_cameras(light, made.scene.bounds, 37)
+    box, light = cornell_box()
+    kept = DeviceScene(variant_runtime, box.scene)
+    (camera,) = light_cameras(light, box.scene.bounds, 37)
     few, all_ = (RsmRenderer(variant_runtime, 37, step=n) for n in (step, 1))
     with variant_runtime.frame():
         for renderer in (few, all_):

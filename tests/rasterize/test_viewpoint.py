@@ -17,9 +17,8 @@ from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.raster.default_camera import camera_from_json, default_camera, default_lights
 from ssgi_cl.rasterize.raster.view import gbuffer
-from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 
-from .meshes import scene_of
+from .meshes import made, scene_of
 
 FOV = 0.9  # radians
 WIDE = (80, 60)  # width, height
@@ -158,7 +157,7 @@ def test_a_triangle_of_any_size_is_seen(runtime: Runtime, scale: float) -> None:
 
 @pytest.mark.slow
 def test_a_large_scene_is_looked_round_in_a_fraction_of_a_second(runtime: Runtime) -> None:
-    scene = BUILTIN_SCENES["hall"]().scene
+    scene = made("hall").scene
     view_of(scene, runtime)  # compiles and uploads
     start = perf_counter()
     default_lights(scene, view_of(scene, runtime), runtime)

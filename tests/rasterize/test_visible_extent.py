@@ -23,7 +23,8 @@ from ssgi_cl.rasterize.raster.default_camera import default_camera
 from ssgi_cl.rasterize.raster.extent import Extent
 from ssgi_cl.rasterize.raster.view import gbuffer
 from ssgi_cl.rasterize.raster.visible_extent import visible_extent
-from ssgi_cl.rasterize.scenes import make_scene
+
+from .meshes import made
 
 FOV = 0.9  # radians
 SHARED = Path(__file__).parents[3] / "shared" / "scenes"
@@ -133,9 +134,9 @@ def test_a_street_has_the_radius_of_its_houses_whatever_its_length(runtime: Runt
     assert 0.5 < radii[1] < 4.0  # units; houses are 4 to 9 high
 
 
-@pytest.mark.parametrize("name", ["hall", "terrace", "room-7", "colonnade-2", "street-1"])
+@pytest.mark.parametrize("name", ["terrace", "room-3", "colonnade-3", pytest.param("hall", marks=pytest.mark.slow)])
 def test_built_in_views_get_about_the_radius_that_was_chosen_for_them(runtime: Runtime, name: str) -> None:
-    built = make_scene(name)
+    built = made(name)
     radius = default_ao_radius(built.scene, built.camera(160, 120), runtime)
     assert 0.6 < radius / built.ao_radius < 1.6
     box = 0.05 * float(np.linalg.norm(np.ptp(built.scene.bounds, axis=0)))
@@ -145,7 +146,7 @@ def test_built_in_views_get_about_the_radius_that_was_chosen_for_them(runtime: R
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["hall", "street-1", "foliage-3"])
 def test_small_motion_of_the_camera_changes_the_radius_as_little(runtime: Runtime, name: str) -> None:
-    built = make_scene(name)
+    built = made(name)
     eye, target = np.array(built.eye), np.array(built.target)
     step = 0.002 * (target - eye)  # 0.2 % of the distance, for 20 frames
     radii = [
@@ -159,7 +160,7 @@ def test_small_motion_of_the_camera_changes_the_radius_as_little(runtime: Runtim
 
 
 def test_the_radius_depends_on_scene_and_camera_alone(runtime: Runtime) -> None:
-    built = make_scene("cornell_box")
+    built = made("cornell_box")
     first, second = built.camera(160, 120), built.camera(160, 120).cropped(40, 30, 60, 40)
     large = built.camera(1600, 1200)
     values = [default_ao_radius(built.scene, camera, runtime) for camera in (first, second, first, large, second)]
@@ -168,7 +169,7 @@ def test_the_radius_depends_on_scene_and_camera_alone(runtime: Runtime) -> None:
 
 
 def test_render_takes_it_by_default(runtime: Runtime) -> None:
-    built = make_scene("room-7")
+    built = made("room-3")
     camera = built.camera(80, 60)
     radius = default_ao_radius(built.scene, camera, runtime)
 
@@ -185,7 +186,7 @@ def test_a_frame_without_occlusion_draws_no_depth_map_for_it(runtime: Runtime, m
         raise AssertionError("it is not needed")
 
     monkeypatch.setattr("ssgi_cl.frame.renderer.visible_extent", refuse)
-    built = make_scene("cornell_box")
+    built = made("cornell_box")
     for options in ({"ao": False}, {"ao_radius": 0.1}):
         gi.render(built.scene, built.camera(16, 12), built.lights, bounces=0, runtime=runtime, **options)
     with pytest.raises(AssertionError, match="not needed"):
@@ -230,9 +231,9 @@ def test_the_air_between_two_objects_in_a_dome_is_no_room(runtime: Runtime) -> N
     assert np.linalg.norm(camera.position) < 15.0
 
 
-@pytest.mark.parametrize("name", ["hall", "parlour", "room-7", "street-1", "cornell_box"])
+@pytest.mark.parametrize("name", ["parlour", "room-3", "cornell_box", pytest.param("hall", marks=pytest.mark.slow)])
 def test_rooms_have_no_backdrop(name: str) -> None:
-    scene = make_scene(name).scene
+    scene = made(name).scene
     np.testing.assert_array_equal(Extent.of_subject(scene).bounds, Extent.of(scene).bounds)
 
 

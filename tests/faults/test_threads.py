@@ -37,7 +37,7 @@ def renderer(runtime: Runtime, shadow_size: int) -> Renderer:
     return Renderer(runtime, CAMERAS[0].size, FrameParams(bounces=0, ao=False, shadow_size=shadow_size))
 
 
-@pytest.mark.parametrize("calls", [400, pytest.param(10_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("calls", [200, pytest.param(10_000, marks=pytest.mark.slow)])
 def test_eight_threads_get_what_one_gets(runtime: Runtime, calls: int) -> None:
     gbuffers = [gi.rasterize.gbuffer(BOX.scene, camera, runtime=runtime) for camera in CAMERAS]
 
@@ -51,14 +51,14 @@ def test_eight_threads_get_what_one_gets(runtime: Runtime, calls: int) -> None:
 
 
 def test_threads_render_what_one_renders_and_each_sees_its_own_passes(runtime: Runtime) -> None:
-    modes = [{"indirect": "multires", "vpls": 64}, {"ao": "ssao"}, {"indirect": "ssdo"}, {"indirect": "gather"}]
+    modes: list[dict[str, Any]] = [{"indirect": "multires", "vpls": 64}, {}]
 
     def frame(number: int) -> gi.Frame:
-        return drawn(runtime, CAMERAS[number % 2], rsm_size=32, skips=False, **modes[number % 4])
+        return drawn(runtime, CAMERAS[number % 2], rsm_size=32, skips=False, **modes[number // 2 % 2])
 
     expected = [frame(number) for number in range(4)]
     with ThreadPoolExecutor(4) as pool:
-        for number, found in enumerate(pool.map(frame, range(40))):
+        for number, found in enumerate(pool.map(frame, range(32))):
             right = expected[number % 4]
             np.testing.assert_array_equal(found.radiance, right.radiance)
             assert [p.name for p in found.passes] == [p.name for p in right.passes]

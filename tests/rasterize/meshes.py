@@ -6,6 +6,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+import pytest
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core.camera import Camera
@@ -15,6 +16,12 @@ from ssgi_cl.rasterize.scenes import make_scene
 
 made = cache(make_scene)
 """A built-in or generated scene, made once for all tests."""
+
+
+def slow_but(name: str, *fast: str) -> Any:
+    """Return a parameter that is for the slow tests, unless it is one of these."""
+    return pytest.param(name, marks=[pytest.mark.slow] * (name not in fast))
+
 
 WIDTH, HEIGHT = 240, 180
 FLOOR = ((-6, -1, 1), (6, -1, 1), (6, -1, -12), (-6, -1, -12))

@@ -28,7 +28,7 @@ from ssgi_cl.rasterize.scenes.generated.chance import Chance
 from ssgi_cl.rasterize.scenes.generated.model import PLASTER, Model, upright_to
 from ssgi_cl.rasterize.scenes.generated.views import Candidate, Surroundings, chosen
 
-from .meshes import made
+from .meshes import made, slow_but
 
 CLOSED_KINDS = ("chambers", "colonnade", "machine", "street")
 """Kinds whose scenes are always closed; those of rooms are sometimes."""
@@ -76,7 +76,7 @@ def winding(corners: np.ndarray, point: np.ndarray) -> float:
     return float((sign * excess).sum() / (4.0 * np.pi))
 
 
-@pytest.mark.parametrize("kind", [pytest.param(kind, marks=[pytest.mark.slow] * (kind != "room")) for kind in KINDS])
+@pytest.mark.parametrize("kind", [slow_but(kind, "room") for kind in KINDS])
 def test_same_name_gives_bit_identical_results(kind: str) -> None:
     first, again = made(f"{kind}-3"), generated(f"{kind}-3")
     for name in ("positions", "normals", "colors", "triangles", "material_ids"):
@@ -134,9 +134,8 @@ def test_views_are_outside_of_geometry_and_show_much(built: BuiltinScene, runtim
 
 
 def test_every_kind_renders(built: BuiltinScene, runtime: Runtime) -> None:
-    frame = gi.render(
-        built.scene, built.camera(64, 48), built.lights, bounces=0, ao_radius=built.ao_radius, runtime=runtime
-    )
+    given = {"bounces": 0, "ao": False, "shadow_size": 256, "runtime": runtime}
+    frame = gi.render(built.scene, built.camera(64, 48), built.lights, **given)
     image = frame.image.astype(np.float64)
     assert image.shape == (48, 64, 3)
     assert image.std() > 10.0

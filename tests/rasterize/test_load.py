@@ -16,6 +16,7 @@ from ssgi_cl.rasterize.files.from_trimesh import _Reader
 from ssgi_cl.rasterize.files.load import load_scene
 from ssgi_cl.rasterize.files.textures import TextureSet
 
+from ..faults.seeds import png_of
 from .loading import POSITION, ROUNDED, corners, png, written
 
 SHARED = Path(__file__).parents[3] / "shared" / "scenes"
@@ -143,8 +144,9 @@ def test_missing_library_is_named(tmp_path: Path) -> None:
 
 
 def test_decompression_bomb_is_refused(tmp_path: Path) -> None:
+    written(tmp_path, "t.png", png_of(20_000, 20_000))
     with pytest.raises(SceneError, match=r"pixels|decompression bomb"):
-        obj_with(tmp_path, "map_Kd t.png", t=Image.new("1", (20_000, 20_000)))
+        obj_with(tmp_path, "map_Kd t.png")
 
 
 def test_damaged_texture_is_refused(tmp_path: Path) -> None:

@@ -323,6 +323,5 @@ def test_pyrenders_own_passes_are_timed() -> None:
     material = Material(texture=0, alpha_cutoff=0.5)
     texture = np.full((2, 2, 4), 255, np.uint8)
     scene = scene_of(square(2.0), materials=(material,), textures=(texture,), origin=(1e6, 0, 0))
-    for camera in (CAMERAS["reversed"], CAMERAS["orthographic"]):
-        assert pyrender.median_ms(scene, camera, "flat", repeats=1) > 0
-        assert pyrender.median_ms(scene, camera, "depth", repeats=2) > 0
+    assert pyrender.median_ms(scene, CAMERAS["reversed"], "flat", repeats=1) > 0
+    assert pyrender.median_ms(scene, CAMERAS["orthographic"], "depth", repeats=2) > 0

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -44,12 +43,7 @@ def view_of(name: str) -> View:
     return built.scene, built.eye, built.target, built.yfov
 
 
-def one_fast(fast: str) -> list[Any]:
-    """Return all views, of which one is for the fast tests."""
-    return [pytest.param(name, marks=[pytest.mark.slow] * (name != fast)) for name in VIEWS]
-
-
-@pytest.fixture(scope="module", params=one_fast("workshop"))
+@pytest.fixture(scope="module", params=[slow_but(name, "workshop") for name in VIEWS])
 def view(request: pytest.FixtureRequest) -> View:
     """Every scene; the fast tests take one of a hundred thousand triangles, down to wires of 3 mm."""
     return view_of(request.param)
@@ -129,7 +123,7 @@ def assert_same_picture(ours: GBuffer, theirs: GBuffer, *, textured: bool) -> No
 
 
 @pytest.mark.parametrize("make_camera", CAMERAS)
-@pytest.mark.parametrize("name", one_fast("cornell_box"))
+@pytest.mark.parametrize("name", [slow_but(name, "cornell_box") for name in VIEWS])
 @pytest.mark.usefixtures("opengl_runs")
 def test_both_backends_draw_the_same(runtime: Runtime, name: str, make_camera: Callable[[View], Camera]) -> None:
     scene, camera = (view := view_of(name))[0], make_camera(view)

@@ -103,6 +103,7 @@ REFUSED: dict[str, tuple[Files, str]] = {
         "60000000 triangles",
     ),
     "a file outside": (with_uri("../../../../../../../etc/passwd"), "leaves the folder"),
+    "a buffer outside": (changed(lambda j: j["buffers"][0].update(uri="../../etc/passwd")), "leaves the folder"),
     "a file outside, encoded": (with_uri("%2e%2e/%2e%2e/etc/passwd"), "leaves the folder"),
     "an absolute file": (with_uri("/etc/passwd"), "relative to the scene file"),
     "an address": (with_uri("file:///etc/passwd"), "relative to the scene file"),

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-
 import numpy as np
 import pytest
 
@@ -84,19 +82,8 @@ def test_same_name_gives_bit_identical_results(kind: str) -> None:
     assert (first.eye, first.target, first.more_views) == (again.eye, again.target, again.more_views)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", KINDS)
-def test_seeds_give_different_scenes(kind: str) -> None:
-    digests = {hashlib.sha256(make_scene(f"{kind}-{seed}").scene.positions.tobytes()).hexdigest() for seed in range(2)}
-    assert len(digests) == 2
-
-
-@pytest.mark.slow
-def test_number_of_triangles_is_that_of_small_real_scenes(built: BuiltinScene) -> None:
-    assert 5_000 < len(built.scene.triangles) < 160_000
-
-
 def test_closed_scenes_are_watertight_and_open_ones_are_not(built: BuiltinScene) -> None:
+    assert 5_000 < len(built.scene.triangles) < 160_000, "as many as small real scenes have"
     assert is_closed(built.scene) == built.closed
     if built.name.split("-")[0] in CLOSED_KINDS:
         assert built.closed

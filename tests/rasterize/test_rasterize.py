@@ -17,7 +17,20 @@ from ssgi_cl.rasterize import Rasterizer, Scene, gbuffer, load_scene
 from ssgi_cl.rasterize.raster.device_scene import DeviceScene
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 
-from .meshes import HEIGHT, WIDTH, ahead, assert_same_bits, depth_of, facing, made, quad, scene_of, slanted, there
+from .meshes import (
+    HEIGHT,
+    WIDTH,
+    ahead,
+    assert_same_bits,
+    depth_of,
+    facing,
+    made,
+    quad,
+    scene_of,
+    slanted,
+    slow_but,
+    there,
+)
 
 Doubles = NDArray[np.float64]
 Mask = NDArray[np.bool_]

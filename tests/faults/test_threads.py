@@ -174,23 +174,6 @@ def test_maps_of_lights_that_are_gone_are_let_go(runtime: Runtime) -> None:
     assert runtime.memory.used == before
 
 
-def test_old_techniques_give_way_to_what_a_frame_needs(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
-    let_all_go(runtime)
-    lights = point_lights(3)
-
-    def draw() -> None:
-        drawn(runtime, lights=lights, shadow_size=256, ao=False)
-
-    base = runtime.memory.used
-    draw()
-    needed = runtime.memory.used - base
-    let_all_go(runtime)
-    monkeypatch.setattr(runtime.memory, "limit", base + needed + (2 << 20))
-    for number in range(4):
-        runtime.prepared(("old", number), lambda: runtime.plane(1, (400, 1024)))
-    draw()
-
-
 @pytest.mark.skipif(host_memory.spare(1 << 30) < 1 << 30, reason="needs 1 GiB")
 def test_a_device_on_the_host_leaves_it_room(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
     if not runtime.shares_memory:

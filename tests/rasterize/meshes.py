@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.rasterize import gbuffer
 from ssgi_cl.rasterize.scenes import make_scene
 
 made = cache(make_scene)
@@ -77,6 +79,11 @@ def ahead(width: int = WIDTH, height: int = HEIGHT, **more: float) -> Camera:
 
 def depth_of(result: GBuffer) -> NDArray[np.float32]:
     return np.asarray(result.depth)
+
+
+def front_depth(scene: Scene, camera: Camera, runtime: Runtime) -> NDArray[np.float32]:
+    """Return the depth [rows, columns] that a camera sees."""
+    return depth_of(gbuffer(scene, camera, runtime=runtime))
 
 
 def there(result: GBuffer) -> NDArray[np.bool_]:

@@ -6,6 +6,7 @@ import base64
 import json
 import math
 import pickle
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -44,19 +45,18 @@ def saved(folder: Path, made: dict[str, Any]) -> Path:
     return path
 
 
+def loaded(folder: Path, **more: Any) -> Scene:
+    return gi.rasterize.load_scene(saved(folder, document(**more)))
+
+
 def lit(folder: Path, light: dict[str, Any], **node: Any) -> Scene:
     """A scene with one light, on a node of its own."""
-    made = document(
-        nodes=[{"extensions": {LIGHTS: {"light": 0}}, **node}],
-        extensions={LIGHTS: {"lights": [light]}},
-        extensionsUsed=[LIGHTS],
-    )
-    return gi.rasterize.load_scene(saved(folder, made))
+    nodes = [{"extensions": {LIGHTS: {"light": 0}}, **node}]
+    return loaded(folder, nodes=nodes, extensions={LIGHTS: {"lights": [light]}}, extensionsUsed=[LIGHTS])
 
 
 def seen(folder: Path, camera: dict[str, Any], **node: Any) -> Scene:
-    made = document(nodes=[{"camera": 0, **node}], cameras=[camera])
-    return gi.rasterize.load_scene(saved(folder, made))
+    return loaded(folder, nodes=[{"camera": 0, **node}], cameras=[camera])
 
 
 PERSPECTIVE = {"type": "perspective", "perspective": {"yfov": 0.8, "znear": 0.1}}
@@ -80,14 +80,11 @@ def test_a_directional_light_shines_along_its_nodes_minus_z(tmp_path: Path) -> N
 
 
 def test_lights_are_placed_by_the_nodes_above_them(tmp_path: Path) -> None:
-    made = document(
-        nodes=[
-            {"translation": [0, 0, 2], "rotation": TURN_Y, "children": [2]},
-            {"extensions": {LIGHTS: {"light": 0}}, "translation": [0, 0, 1]},
-        ],
-        extensions={LIGHTS: {"lights": [{"type": "point"}]}},
-    )
-    (found,) = gi.rasterize.load_scene(saved(tmp_path, made)).lights
+    nodes: list[dict[str, Any]] = [
+        {"translation": [0, 0, 2], "rotation": TURN_Y, "children": [2]},
+        {"extensions": {LIGHTS: {"light": 0}}, "translation": [0, 0, 1]},
+    ]
+    (found,) = loaded(tmp_path, nodes=nodes, extensions={LIGHTS: {"lights": [{"type": "point"}]}}).lights
     np.testing.assert_allclose(found.position, [1, 0, 2], **EXACT)
     np.testing.assert_allclose(found.intensity, 1.0 / 683.0, **EXACT)  # 1 cd by default
 
@@ -157,7 +154,7 @@ def test_the_range_of_a_light_is_said_to_be_unused(tmp_path: Path) -> None:
 )
 def test_damaged_views_are_refused(tmp_path: Path, change: dict[str, Any], message: str) -> None:
     with pytest.raises(gi.SceneError, match=message):
-        gi.rasterize.load_scene(saved(tmp_path, document(**change)))
+        loaded(tmp_path, **change)
 
 
 def test_emission_beyond_what_a_material_holds_is_refused_by_its_name(tmp_path: Path) -> None:
@@ -212,11 +209,8 @@ def test_a_mirrored_node_does_not_mirror_its_camera(tmp_path: Path) -> None:
 
 
 def test_names_of_cameras_stay_apart(tmp_path: Path) -> None:
-    made = document(
-        nodes=[{"camera": 0, "name": "A"}, {"camera": 0, "name": "A"}, {"camera": 0}],
-        cameras=[{**PERSPECTIVE, "name": "B"}],
-    )
-    scene = gi.rasterize.load_scene(saved(tmp_path, made))
+    nodes = [{"camera": 0, "name": "A"}, {"camera": 0, "name": "A"}, {"camera": 0}]
+    scene = loaded(tmp_path, nodes=nodes, cameras=[{**PERSPECTIVE, "name": "B"}])
     assert list(scene.cameras) == ["A", "A (2)", "B"]
 
 
@@ -246,19 +240,15 @@ def test_a_camera_that_cannot_be_is_left_out_and_named(
 
 
 def test_views_do_not_change_what_truths_are_stored_under(tmp_path: Path) -> None:
-    plain = gi.rasterize.load_scene(saved(tmp_path, document()))
+    plain = loaded(tmp_path)
     assert (plain.lights, plain.cameras, plain.notes) == ((), {}, ())
     assert scene_digest(lit(tmp_path, {"type": "point"})) == scene_digest(plain)
     assert scene_digest(seen(tmp_path, PERSPECTIVE)) == scene_digest(plain)
 
 
 def test_a_scene_with_views_can_be_pickled(tmp_path: Path) -> None:
-    made = document(
-        nodes=[{"camera": 0}, {"extensions": {LIGHTS: {"light": 0}}}],
-        cameras=[PERSPECTIVE],
-        extensions={LIGHTS: {"lights": [{"type": "point"}]}},
-    )
-    copy = pickle.loads(pickle.dumps(gi.rasterize.load_scene(saved(tmp_path, made))))
+    light = lit(tmp_path, {"type": "point"}).lights[0]
+    copy = pickle.loads(pickle.dumps(replace(seen(tmp_path, PERSPECTIVE), lights=(light,))))
     assert isinstance(copy.cameras["camera 1"], SceneCamera)
     assert not copy.cameras["camera 1"].view.flags.writeable
     assert not copy.lights[0].position.flags.writeable

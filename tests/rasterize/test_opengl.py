@@ -149,17 +149,6 @@ def test_odd_sizes_are_filled(rows: int, columns: int) -> None:
     assert np.isinf(depth[1]).all()
 
 
-def test_two_runs_give_bit_identical_results_and_touch_nothing() -> None:
-    rng = np.random.default_rng(9)
-    scene = scene_of(rng.uniform((-4, -4, -12), (4, 4, -2), (300, 3, 3)))
-    before = scene.positions.copy()
-    first = opengl.gbuffer_arrays(scene, CAMERAS["usual"], 3)
-    second = opengl.gbuffer_arrays(scene, CAMERAS["usual"], 3)
-    for name, array in first.items():
-        np.testing.assert_array_equal(array, second[name])
-    np.testing.assert_array_equal(scene.positions, before)
-
-
 def test_a_renderer_of_the_caller_lives_on(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYOPENGL_PLATFORM", "egl")
     pyrender = pytest.importorskip("pyrender")

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from numpy.typing import NDArray
 
 import ssgi_cl as gi
 from ssgi_cl.core.camera import Camera
@@ -22,10 +21,9 @@ from ssgi_cl.frame.render import default_ao_radius
 from ssgi_cl.rasterize.files.load import load_scene
 from ssgi_cl.rasterize.raster.default_camera import default_camera
 from ssgi_cl.rasterize.raster.extent import Extent
-from ssgi_cl.rasterize.raster.view import gbuffer
 from ssgi_cl.rasterize.raster.visible_extent import visible_extent
 
-from .meshes import made
+from .meshes import front_depth, made
 
 FOV = 0.9  # radians
 SHARED = Path(__file__).parents[3] / "shared" / "scenes"
@@ -76,12 +74,6 @@ def city(blocks: int) -> Scene:
 
 def seen_from(eye: Sequence[float], target: Sequence[float] = (0.0, 0.5, 0.0)) -> Camera:
     return Camera.look_at(eye, target, yfov=FOV, width=160, height=120)
-
-
-def depth_of(scene: Scene, camera: Camera, runtime: Runtime) -> NDArray[np.float32]:
-    depth = gbuffer(scene, camera, runtime=runtime).first("depth")
-    assert depth is not None
-    return depth
 
 
 def test_a_wall_that_fills_the_picture_has_the_picture_s_diagonal(runtime: Runtime) -> None:
@@ -251,7 +243,7 @@ def test_an_object_before_a_backdrop_fills_the_picture(runtime: Runtime, around:
     scene, body = joined(ship(), *around), joined(ship())
     camera = default_camera(scene, 160, 120, FOV, runtime)
     assert (camera.view[:3, :3] @ (0, 1, 0))[1] > 0.5
-    both, alone = (depth_of(each, camera, runtime) for each in (scene, body))
+    both, alone = (front_depth(each, camera, runtime) for each in (scene, body))
     covered = np.isfinite(alone)
     # The ship is seen whole, large, and nothing stands before it.
     assert not covered[[0, -1]].any()
@@ -264,7 +256,7 @@ def test_an_object_before_a_backdrop_fills_the_picture(runtime: Runtime, around:
 def test_a_long_city_is_no_thin_strip(runtime: Runtime, blocks: int) -> None:
     scene = city(blocks)
     camera = default_camera(scene, 160, 120, FOV, runtime)
-    covered = np.isfinite(depth_of(scene, camera, runtime))
+    covered = np.isfinite(front_depth(scene, camera, runtime))
     # Seen from the side, 400 units by 9 would be 3 rows of 120.
     assert np.ptp(np.nonzero(covered)[0]) > 50
     assert np.ptp(np.nonzero(covered)[1]) > 70
@@ -307,7 +299,7 @@ def test_shared_scenes_fill_their_default_pictures(runtime: Runtime, name: str) 
         pytest.skip(f"needs the scene files in {SHARED}")
     scene = load_scene(path)
     camera = default_camera(scene, 160, 120, math.radians(50.0), runtime)
-    covered = np.isfinite(depth_of(scene, camera, runtime))
+    covered = np.isfinite(front_depth(scene, camera, runtime))
     assert covered.mean() > 0.15
     box = float(np.linalg.norm(np.ptp(scene.bounds, axis=0)))
     assert 0.01 * box < default_ao_radius(scene, camera, runtime) <= 0.05 * box * (1.0 + 1e-9)

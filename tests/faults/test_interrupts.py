@@ -74,7 +74,7 @@ def renderer(runtime: Runtime, bounce: str | None, skips: bool) -> Renderer:
 
 @pytest.mark.parametrize("skips", [True, pytest.param(False, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
-    ("bounce", "every"), [(None, 5), ("multires", 9), *(pytest.param(b, 3, marks=pytest.mark.slow) for b in BOUNCES)]
+    ("bounce", "every"), [(None, 5), ("gather", 9), *(pytest.param(b, 3, marks=pytest.mark.slow) for b in BOUNCES)]
 )
 def test_a_renderer_is_right_after_it_was_stopped_at_any_step(
     runtime: Runtime, stopper: Callable[[int], None], bounce: str | None, every: int, skips: bool
@@ -102,7 +102,9 @@ def test_a_renderer_is_right_after_it_was_stopped_at_any_step(
     assert stopped > 3, "a frame has ten passes at the least"
 
 
-@pytest.mark.parametrize("name", ["gtao", "multires_splat", pytest.param("ssdo", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "name", ["gtao", *(pytest.param(n, marks=pytest.mark.slow) for n in ("multires_splat", "ssdo"))]
+)
 def test_functions_are_right_after_they_were_stopped(
     runtime: Runtime, stopper: Callable[[int], None], name: str
 ) -> None:

@@ -23,7 +23,7 @@ from ssgi_cl.frame.render import Renderer
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 
 BOX = BUILTIN_SCENES["cornell_box"]()
-CAMERAS = [gi.Camera.look_at((0.1 * i - 0.4, 1, 3.4), (0, 1, 0), width=64, height=48) for i in range(8)]
+CAMERAS = [gi.Camera.look_at((0.1 * i - 0.4, 1, 3.4), (0, 1, 0), width=40, height=30) for i in range(8)]
 
 
 def drawn(runtime: Runtime, camera: gi.Camera = CAMERAS[0], made: Any = BOX, **options: Any) -> gi.Frame:
@@ -51,7 +51,7 @@ def test_eight_threads_get_what_one_gets(runtime: Runtime, calls: int) -> None:
 
 
 def test_threads_render_what_one_renders_and_each_sees_its_own_passes(runtime: Runtime) -> None:
-    modes: list[dict[str, Any]] = [{"indirect": "multires", "vpls": 64}, {}]
+    modes: list[dict[str, Any]] = [{"indirect": "gather"}, {}]
 
     def frame(number: int) -> gi.Frame:
         return drawn(runtime, CAMERAS[number % 2], rsm_size=32, skips=False, **modes[number // 2 % 2])
@@ -118,8 +118,7 @@ def test_a_process_forked_before_any_device_was_opened_may_open_one() -> None:
 def test_a_new_radius_a_frame_keeps_memory_within_its_bound(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(runtime.memory, "keep", 24 << 20)
     for number in range(40):
-        options = {"ao_radius": 0.2 + 0.001 * number, "indirect": "multires", "vpls": 64}
-        gi.render(BOX.scene, CAMERAS[0], BOX.lights, shadow_size=64, rsm_size=64, runtime=runtime, **options)
+        drawn(runtime, ao_radius=0.2 + 0.001 * number, indirect="gather", rsm_size=32)
         assert runtime.memory.kept <= 24 << 20
 
 

@@ -112,29 +112,6 @@ def test_spot_angles_have_the_defaults_of_the_extension(tmp_path: Path) -> None:
     assert [note for note in scene.notes if "'bulb'" in note and "soft edge from 0.0" in note]
 
 
-@pytest.mark.parametrize(
-    ("light", "node", "message"),
-    [
-        ({"type": "area"}, {}, "type is 'area'"),
-        ({"type": "point", "intensity": -1.0}, {}, "intensity"),
-        ({"type": "point", "color": [1e200, 0, 0], "intensity": 1e200}, {}, "intensity"),
-        ({"type": "spot", "spot": {"outerConeAngle": 2.0}}, {}, "cone angles are 0 and 2"),
-        ({"type": "spot", "spot": {"innerConeAngle": 1.0}}, {}, "cone angles are 1 and"),
-        ({"type": "directional"}, {"scale": [1, 1, 0]}, "no usable length"),
-        ({"type": "point"}, {"translation": [1e200, 0, 0]}, "position"),
-        ({"type": "directional"}, {"matrix": [1e200] * 16}, "no usable length"),
-    ],
-)
-def test_a_light_that_cannot_be_is_left_out_and_named(
-    tmp_path: Path, light: dict[str, Any], node: dict[str, Any], message: str
-) -> None:
-    scene = lit(tmp_path, {"name": "odd", **light}, **node)
-    assert scene.lights == ()
-    assert len(scene.notes) == 1
-    assert scene.notes[0].startswith("light 'odd' is left out: ")
-    assert message in scene.notes[0]
-
-
 def test_the_range_of_a_light_is_said_to_be_unused(tmp_path: Path) -> None:
     scene = lit(tmp_path, {"type": "point", "range": 5.0}, name="bulb")
     assert len(scene.lights) == 1
@@ -215,8 +192,16 @@ def test_names_of_cameras_stay_apart(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("camera", "node", "message"),
+    ("what", "node", "message"),
     [
+        ({"type": "area"}, {}, "type is 'area'"),
+        ({"type": "point", "intensity": -1.0}, {}, "intensity"),
+        ({"type": "point", "color": [1e200, 0, 0], "intensity": 1e200}, {}, "intensity"),
+        ({"type": "spot", "spot": {"outerConeAngle": 2.0}}, {}, "cone angles are 0 and 2"),
+        ({"type": "spot", "spot": {"innerConeAngle": 1.0}}, {}, "cone angles are 1 and"),
+        ({"type": "directional"}, {"scale": [1, 1, 0]}, "no usable length"),
+        ({"type": "point"}, {"translation": [1e200, 0, 0]}, "position"),
+        ({"type": "directional"}, {"matrix": [1e200] * 16}, "no usable length"),
         ({"type": "fisheye"}, {}, "type is 'fisheye'"),
         ({"type": "perspective"}, {}, "type is 'perspective'"),
         ({"type": "perspective", "perspective": {"yfov": 0, "znear": 1}}, {}, "height is 0"),
@@ -229,14 +214,15 @@ def test_names_of_cameras_stay_apart(tmp_path: Path) -> None:
         (PERSPECTIVE, {"translation": [1e200, 0, 0]}, "view"),
     ],
 )
-def test_a_camera_that_cannot_be_is_left_out_and_named(
-    tmp_path: Path, camera: dict[str, Any], node: dict[str, Any], message: str
+def test_a_light_or_camera_that_cannot_be_is_left_out_and_named(
+    tmp_path: Path, what: dict[str, Any], node: dict[str, Any], message: str
 ) -> None:
-    scene = seen(tmp_path, camera, name="odd", **node)
-    assert scene.cameras == {}
-    assert len(scene.notes) == 1
-    assert scene.notes[0].startswith("camera 'odd' is left out: ")
-    assert message in scene.notes[0]
+    of_light = what["type"] in ("area", "point", "spot", "directional")
+    scene = (lit if of_light else seen)(tmp_path, {**what, "name": "odd"}, **node)
+    assert (scene.lights, scene.cameras) == ((), {})
+    (note,) = scene.notes
+    assert note.startswith(f"{'light' if of_light else 'camera'} 'odd' is left out: ")
+    assert message in note
 
 
 def test_views_do_not_change_what_truths_are_stored_under(tmp_path: Path) -> None:

@@ -116,13 +116,6 @@ def test_a_directional_light_reflects_irradiance_times_the_area_it_sees(
     np.testing.assert_allclose(total(result), expected, rtol=1.0 / size)
 
 
-def test_black_surfaces_reflect_nothing(runtime: Runtime) -> None:
-    for light in DOWNWARDS:
-        result = rsm(ground(5.0, (0.0, 0.0, 0.0)), light, size=32, runtime=runtime)
-        assert np.isfinite(np.asarray(result.depth)).any()
-        assert not np.asarray(result.flux).any()
-
-
 def test_a_light_that_sees_nothing_gives_zeros(runtime: Runtime) -> None:
     light = SpotLight((0, 3, 0), (0, 1, 0.1), 0.5, 9.0)
     result = rsm(ground(), light, size=32, runtime=runtime)

@@ -58,7 +58,7 @@ def test_threads_render_what_one_renders_and_each_sees_its_own_passes(runtime: R
 
     expected = [frame(number) for number in range(4)]
     with ThreadPoolExecutor(4) as pool:
-        for number, found in enumerate(pool.map(frame, range(32))):
+        for number, found in enumerate(pool.map(frame, range(24))):
             right = expected[number % 4]
             np.testing.assert_array_equal(found.radiance, right.radiance)
             assert [p.name for p in found.passes] == [p.name for p in right.passes]
@@ -162,12 +162,12 @@ def test_more_shadow_maps_than_there_is_room_for_are_refused_before_any_work(
 
 
 def test_maps_of_lights_that_are_gone_are_let_go(runtime: Runtime) -> None:
-    lights = point_lights(8)
+    lights = [gi.SpotLight((0.0, 1.0, 0.01 * i), (0.0, -1.0, 0.0), 0.5, (1.0, 1.0, 1.0)) for i in range(8)]
     draw = renderer(runtime, 64)
     draw(BOX.scene, CAMERAS[0], lights[:1])
     before = runtime.memory.used
     draw(BOX.scene, CAMERAS[0], lights)
-    assert runtime.memory.used > before + 7 * 6 * 64 * 64 * 4
+    assert runtime.memory.used > before + 7 * 64 * 64 * 4
     draw(BOX.scene, CAMERAS[0], lights[:1])
     gc.collect()
     assert runtime.memory.used == before

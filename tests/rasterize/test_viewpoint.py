@@ -17,7 +17,7 @@ from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.raster.default_camera import camera_from_json, default_camera, default_lights
 
-from .meshes import front_depth, made, scene_of
+from .meshes import front_depth, made, scene_of, slow_but
 
 FOV = 0.9  # radians
 WIDE = (80, 60)  # width, height
@@ -90,7 +90,7 @@ def test_an_object_fills_the_picture_and_is_not_cut(runtime: Runtime, size: tupl
     assert share.max() > 0.9 - 3.0 / min(size)
 
 
-@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e4])
+@pytest.mark.parametrize("scale", [1e-3, 1e4])
 def test_the_view_does_not_depend_on_the_scale(runtime: Runtime, scale: float) -> None:
     plain, scaled = box(), box(size=(2.0 * scale, 1.0 * scale, 1.5 * scale))
     ours, theirs = view_of(plain, runtime), view_of(scaled, runtime)
@@ -115,7 +115,7 @@ def test_a_room_is_seen_from_within(runtime: Runtime) -> None:
     assert float(np.median(depth)) > np.linalg.norm(scene.bounds[1] - scene.bounds[0]) / 3.0
 
 
-@pytest.mark.parametrize("side", ["+x", "-x", "+z", "-z"])
+@pytest.mark.parametrize("side", [slow_but(side, "+x", "-z") for side in ("+x", "-x", "+z", "-z")])
 def test_a_room_without_a_wall_is_seen_through_the_gap(runtime: Runtime, side: str) -> None:
     scene = box(without=side, inward=True)
     camera = view_of(scene, runtime)
@@ -140,7 +140,7 @@ def test_a_single_sided_surface_is_seen_from_its_front(runtime: Runtime, side: f
     assert np.isfinite(front_depth(scene, camera, runtime)).any()
 
 
-@pytest.mark.parametrize("scale", [1e-20, 1e-6, 1e6, 1e15])
+@pytest.mark.parametrize("scale", [1e-20, 1e15])
 def test_a_triangle_of_any_size_is_seen(runtime: Runtime, scale: float) -> None:
     corners = np.array([[-1, -1, 0.2], [1, -1, 0], [0, 1, -0.3]]) * scale
     scene = one_triangle(corners)

@@ -99,7 +99,7 @@ def test_it_is_never_more_than_the_scene(runtime: Runtime) -> None:
     assert visible_extent(scene, away, runtime=runtime) == pytest.approx(3.0)
 
 
-@pytest.mark.parametrize("scale", [1e-18, 1e-3, 1e6, 1e15])
+@pytest.mark.parametrize("scale", [1e-18, 1e15])
 def test_it_scales_with_the_scene(runtime: Runtime, scale: float) -> None:
     def extent(size: float) -> float:
         body = ship().apply_scale(size)

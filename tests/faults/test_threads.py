@@ -137,10 +137,6 @@ def test_a_scene_goes_with_its_last_reference(runtime: Runtime) -> None:
         assert runtime.memory.used - runtime.transient.held == before
 
 
-def point_lights(count: int) -> list[gi.PointLight]:
-    return [gi.PointLight((0.0, 1.0, 0.01 * i), (1.0, 1.0, 1.0)) for i in range(count)]
-
-
 def let_all_go(runtime: Runtime) -> None:
     runtime._prepared.clear()
     gc.collect()
@@ -150,7 +146,7 @@ def test_more_shadow_maps_than_there_is_room_for_are_refused_before_any_work(
     runtime: Runtime, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     let_all_go(runtime)
-    lights = point_lights(60)
+    lights = [gi.PointLight((0.0, 1.0, 0.01 * i), (1.0, 1.0, 1.0)) for i in range(60)]
     draw = renderer(runtime, 256)
     first = draw(BOX.scene, CAMERAS[0], lights[:1]).radiance
     monkeypatch.setattr(runtime.memory, "limit", runtime.memory.used + (40 << 20))

@@ -6,6 +6,7 @@ import base64
 import importlib.util
 import json
 import math
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,8 @@ import trimesh
 
 from ssgi_cl.core.errors import MissingExtraError, SceneError
 from ssgi_cl.core.scene import Material
+from ssgi_cl.rasterize.files.gltf import _Geometry
+from ssgi_cl.rasterize.files.gltf_document import read_document
 from ssgi_cl.rasterize.files.load import load_scene
 
 from .loading import ROUNDED, Gltf, corners, written
@@ -33,6 +36,19 @@ def test_gltf_factors_keep_all_their_bits(tmp_path: Path) -> None:
     material = only_material(tmp_path, made, index)
     assert material.albedo == (0.001, 0.0023, 0.5)
     assert material.emission == (8.0, 4.0, 2.0)
+
+
+def test_geometry_of_gltf_is_handed_on_in_a_well_formed_file(tmp_path: Path) -> None:
+    file = Gltf()
+    for number in range(12):  # so many lengths of the text
+        file.triangle(float(number))
+        document, views = read_document(written(tmp_path, "a.glb", file.bytes()))
+        made = _Geometry(document, views).as_glb()
+        magic, version, length, text, kind = struct.unpack_from("<4s3I4s", made)
+        assert (magic, version, length, kind) == (b"glTF", 2, len(made), b"JSON")
+        assert text % 4 == 0
+        binary, kind = struct.unpack_from("<I4s", made, 20 + text)
+        assert (28 + text + binary, kind) == (len(made), b"BIN\0")
 
 
 def test_gltf_materials_find_their_meshes_though_names_are_missing_or_equal(tmp_path: Path) -> None:

@@ -20,7 +20,6 @@ from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from .meshes import HEIGHT, WIDTH, ahead, depth_of, facing, made, quad, scene_of, slanted, slow_but, there
 
 Doubles = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 SPONZA = Path(__file__).parents[3] / "shared" / "scenes" / "sponza" / "sponza.glb"
 FEW = 1e-3

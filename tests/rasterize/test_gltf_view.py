@@ -233,8 +233,8 @@ def test_views_do_not_change_what_truths_are_stored_under(tmp_path: Path) -> Non
 
 
 def test_a_scene_with_views_can_be_pickled(tmp_path: Path) -> None:
-    light = lit(tmp_path, {"type": "point"}).lights[0]
-    copy = pickle.loads(pickle.dumps(replace(seen(tmp_path, PERSPECTIVE), lights=(light,))))
+    lights = lit(tmp_path, {"type": "point"}).lights
+    copy = pickle.loads(pickle.dumps(replace(seen(tmp_path, PERSPECTIVE), lights=lights)))
     assert isinstance(copy.cameras["camera 1"], SceneCamera)
     assert not copy.cameras["camera 1"].view.flags.writeable
     assert not copy.lights[0].position.flags.writeable

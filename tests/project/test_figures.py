@@ -116,24 +116,6 @@ def test_bias_of_visibility_is_measured_on_all_built_in_scenes_and_views() -> No
 # ---- how it is made
 
 
-def test_a_page_that_differs_from_the_json_is_found(tmp_path: Path) -> None:
-    for name in ("README.md", "docs/indirect.md"):
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).write_text(
-            "before\n<!-- figures:techniques -->\nold\n<!-- end -->\nafter\n", encoding="utf-8"
-        )
-    for name in figures.PLANS:
-        found = whole(entry("gtao.2x9.hall.8x6", 3.0, 0.07))
-        figures.write(tmp_path, name, found)
-    blocks = pages.blocks(pages.recorded(tmp_path, "benchmark"), pages.recorded(tmp_path, "indirect"))
-    text = pages.filled((tmp_path / "README.md").read_text(encoding="utf-8"), blocks)
-    assert text.startswith("before\n<!-- figures:techniques -->\n| call |")
-    assert text.endswith("<!-- end -->\nafter\n")
-    assert "cosine-weighted |  | 3.00 | 0.0700 |\n|  |  | 2 layers | - | - |" in text
-    assert pages.filled(text, blocks) == text
-    assert "old" not in text
-
-
 def test_a_block_that_there_is_none_of_is_refused() -> None:
     with pytest.raises(ValueError, match="figures:nothing is unknown: expected one of a, b"):
         pages.filled("<!-- figures:nothing -->\n<!-- end -->", {"a": "", "b": ""})

@@ -168,7 +168,7 @@ class PathTracer(ABC):
                 times = len(some)
                 seen = self._seen(of_view, times)
             each = [np.mod(shift.T + step, 1.0).T for step in some]
-            numbers = [mi.Float(number) for number in np.concatenate(each, axis=-1)]
+            numbers = [mi.Float(number) for number in aligned(np.concatenate(each, axis=-1))]
             found = dr.select(seen.there, self.estimate(seen, numbers), 0.0)
             light = np.array(found, np.float32).reshape(3, -1)
             for one in np.split(np.broadcast_to(light, (3, times * pixels)), times, axis=1):
@@ -178,7 +178,7 @@ class PathTracer(ABC):
     def _seen(self, of_view: Sequence[Floats], times: int) -> Surface:
         """Return what view rays meet, so many times one after the other."""
         mi, dr = self.mi, self.dr
-        start, way, length = (np.concatenate([a] * times, axis=-1) if times > 1 else a
+        start, way, length = (aligned(np.concatenate([a] * times, axis=-1) if times > 1 else a)
                               for a in of_view)  # fmt: skip
         ray = mi.Ray3f(mi.Point3f(*map(mi.Float, start)), mi.Vector3f(*map(mi.Float, way)), mi.Float(length), 0.0, [])
         seen = self.surface(ray, mi.Bool(True))
@@ -346,6 +346,24 @@ class BounceWithoutVisibility(OneBounce):
 
         state = (mi.Point3f(start), mi.Color3f(0.0), mi.UInt32(0), mi.Bool(active))
         return dr.while_loop(state, lambda *now: now[-1], step)[1]
+
+
+def aligned(array: NDArray[Any]) -> NDArray[Any]:
+    """Return a copy whose rows each start at a multiple of 64 bytes.
+
+    Mitsuba's arrays take memory as it is, and a program is compiled for each pattern of which of
+    its inputs are aligned: of the same paths, several.
+    """
+    if np.ndim(array) == 0 or not array.size:  # of a scalar variant, or of none
+        return array
+    item, count = array.dtype.itemsize, array.shape[-1]
+    rows = np.atleast_2d(array)
+    stride = -(-count * item // 64) * 64 // item
+    memory = np.empty(len(rows) * stride + 64 // item, array.dtype)
+    first = -memory.ctypes.data % 64 // item
+    copied = memory[first : first + len(rows) * stride].reshape(-1, stride)[:, :count]
+    copied[:] = rows
+    return copied[0] if array.ndim == 1 else copied
 
 
 def _turned(dr: Any, normal: Any, towards: Any) -> Any:

@@ -15,7 +15,7 @@ from ssgi_cl.core.sampling import r_points
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.truth.emitters import Emitters
 from ssgi_cl.truth.mitsuba_scene import BLENDS, DENSITY, EMISSION, HOLE, SIZE, TRANSMISSION
-from ssgi_cl.truth.path_tracer import MOST_CROSSINGS, OFFSET, PIXELS, PathTracer, Surface
+from ssgi_cl.truth.path_tracer import MOST_CROSSINGS, OFFSET, PIXELS, PathTracer, Surface, aligned
 from ssgi_cl.truth.phong_bsdf import phong_direction, phong_lobe
 
 Floats = NDArray[np.float32]
@@ -123,7 +123,8 @@ class RadianceTracer(PathTracer):
             labels: [n] of the pixels, with `path` [n] the seed of all further random numbers.
         """
         if self.dr.is_jit_v(self.mi.Float):
-            found, there, dimmed = self._traced(rays, numbers, labels, path)
+            given = [aligned(a) for a in (*rays, numbers, labels.astype(np.uint32), path)]
+            found, there, dimmed = self._traced(given[:3], *given[3:])
         else:
             each = [
                 self._traced([a[..., i] for a in rays], numbers[:, i], int(labels[i]), int(path[i]))
@@ -139,10 +140,11 @@ class RadianceTracer(PathTracer):
         what is behind all surfaces has."""
         mi, dr = self.mi, self.dr
         start, way, length = rays
-        ray = mi.Ray3f(mi.Point3f(*map(mi.Float, start)), mi.Vector3f(*map(mi.Float, way)), mi.Float(length), 0.0, [])
+        reach = mi.Float(length)
+        ray = mi.Ray3f(mi.Point3f(*map(mi.Float, start)), mi.Vector3f(*map(mi.Float, way)), reach, 0.0, [])
         rng = mi.PCG32()
         rng.seed(*mi.sample_tea_32(mi.UInt32(label), mi.UInt32(path)))
-        seen, si, dimmed, rng = self._met(ray, mi.Bool(length > 0.0), rng)
+        seen, si, dimmed, rng = self._met(ray, mi.Bool(reach > 0.0), rng)
         light = self._path(seen, mi.Vector3f(ray.d), [mi.Float(row) for row in numbers], rng)
         light = dr.select(seen.there, light + self._emission(seen, si)[0], 0.0) * dimmed
         there, dimmed = mi.Bool(seen.there), mi.Color3f(dimmed)

@@ -1,10 +1,21 @@
-"""A store of truths apart from the user's."""
+"""Ceilings that are measured once, and a store of truths apart from the user's."""
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
 
 import pytest
+
+from ssgi_cl.tuning.calibration import Calibration
+
+_of = functools.cache(Calibration.of)
+
+
+@pytest.fixture(autouse=True)
+def _calibrated_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have the device's ceilings measured by the first test that needs them."""
+    monkeypatch.setattr(Calibration, "of", lambda runtime: _of(runtime))
 
 
 @pytest.fixture

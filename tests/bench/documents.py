@@ -1,10 +1,18 @@
-"""Documents as a benchmark would write them, made up, and contents of an SVG of matplotlib."""
+"""Documents as a benchmark would write them and little scenes, made up, and contents of an SVG of matplotlib."""
 
 from __future__ import annotations
 
+import io
 import re
 import xml.etree.ElementTree as ET
+from collections.abc import Callable
 from typing import Any
+
+from rich.console import Console
+
+from ssgi_cl.rasterize.parts import assemble
+from ssgi_cl.rasterize.scenes import BuiltinScene
+from ssgi_cl.rasterize.scenes.shapes import box, moved
 
 
 def spread(median: float, share: float = 0.02) -> dict[str, float]:
@@ -73,6 +81,23 @@ def whole(*results: dict[str, Any], **changes: Any) -> dict[str, Any]:
         "skipped": [],
         **changes,
     }
+
+
+def boxes(name: str, high: float, *others: tuple[float, float, float]) -> BuiltinScene:
+    """Return a scene of a box on a floor and others like it: x, z and height of each."""
+    parts = [box((-2.0, -0.1, -2.0), (2.0, 0.0, 2.0))]
+    parts += [moved(box((-0.3, 0.0, -0.3), (0.3, tall, 0.3)), x, 0.0, z) for x, z, tall in ((0.0, 0.0, high), *others)]
+    return BuiltinScene(
+        name=name, scene=assemble(parts, (), (), crease_angle=0.5), eye=(1.6, 1.4, 2.2), target=(0.0, 0.2, 0.2),
+        yfov=0.8, lights=(), ao_radius=0.4,
+    )  # fmt: skip
+
+
+def printed(show: Callable[[Any, Console], object], found: Any, width: int = 120) -> str:
+    """Return what is written to a terminal of a width."""
+    console = Console(file=(file := io.StringIO()), width=width)
+    show(found, console)
+    return file.getvalue()
 
 
 def marked(root: ET.Element, name: str) -> list[ET.Element]:

@@ -17,7 +17,7 @@ from ssgi_cl.device.runtime import Runtime
 from .documents import entry, spread, whole
 
 
-def test_stamp_says_what_was_measured_and_on_what(runtime: Runtime) -> None:
+def test_stamp_says_what_was_measured_and_on_what_and_reads_back(tmp_path: Path, runtime: Runtime) -> None:
     stamp = document.stamp(runtime)
     assert stamp["format"] == "ssgi-bench 2"
     assert stamp["created"].endswith("+00:00")
@@ -27,15 +27,13 @@ def test_stamp_says_what_was_measured_and_on_what(runtime: Runtime) -> None:
     assert stamp["device"]["variant"] == str(runtime.variant)
     assert stamp["machine"]["threads"] >= 1
     assert stamp["machine"]["cpu"]
-
-
-def test_stamped_document_reads_back(tmp_path: Path, runtime: Runtime) -> None:
-    written = {**whole(entry()), **document.stamp(runtime)}
+    written = {**whole(entry()), **stamp}
     document.write(tmp_path / "a.json", written)
     assert document.read(tmp_path / "a.json") == written
+    assert '\n "device": {\n  "label"' in (tmp_path / "a.json").read_text(encoding="utf-8")  # readable
 
 
-def test_revision_is_that_of_the_checkout_and_tells_changes(tmp_path: Path) -> None:
+def test_revision_is_that_of_the_checkout_and_tells_changes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def git(*arguments: str) -> None:
         who = ["-c", "user.name=n", "-c", "user.email=e@example.org", "-c", "commit.gpgsign=false"]
         subprocess.run(["git", "-C", str(tmp_path), *who, *arguments], check=True, capture_output=True)
@@ -55,11 +53,8 @@ def test_revision_is_that_of_the_checkout_and_tells_changes(tmp_path: Path) -> N
     assert modified is False
     module.write_text("2\n")
     assert document._revision(module) == (revision, True)
-
-
-def test_without_git_there_is_no_revision(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PATH", "")
-    assert document._revision(Path(document.__file__)) == (None, None)
+    monkeypatch.setenv("PATH", "")  # no git
+    assert document._revision(module) == (None, None)
 
 
 def test_numbers_that_json_lacks_become_null(tmp_path: Path) -> None:
@@ -70,12 +65,6 @@ def test_numbers_that_json_lacks_become_null(tmp_path: Path) -> None:
     assert world["psnr"] is None
     assert world["flip"] is None
     assert world["ssim"] == 0.5
-
-
-def test_text_is_readable_json() -> None:
-    text = document.text(whole(entry()))
-    assert json.loads(text) == whole(entry())
-    assert '\n "device": {\n  "label"' in text
 
 
 def _without(*path: str | int) -> dict[str, Any]:
@@ -121,9 +110,6 @@ def test_what_is_not_json_is_refused(tmp_path: Path, text: str) -> None:
     path.write_bytes(text.encode("latin-1"))
     with pytest.raises(ValueError, match=r"a\.json is not JSON: "):
         document.read(path)
-
-
-def test_file_that_is_missing_is_named(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match=r"none\.json"):
         document.read(tmp_path / "none.json")
 
@@ -141,10 +127,6 @@ def test_groups_share_quantity_scene_and_size_and_begin_with_the_fastest() -> No
     ]
     first = grouped[("occlusion", "hall", (6, 8))]
     assert [result["name"] for result in first] == ["a.2.hall.8x6", "a.1.hall.8x6"]
-
-
-def test_time_is_the_devices_where_there_is_one() -> None:
-    assert document.clock(entry(ms=2.0))["median"] == 2.0
     assert document.clock(entry(ms=2.0, device_ms=spread(9.0)))["median"] == 2.0
 
 

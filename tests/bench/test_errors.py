@@ -29,17 +29,7 @@ def test_an_offset_shows_as_bias_and_rmse_where_it_is() -> None:
     assert found["truth_error"] == pytest.approx(0.02)
 
 
-def test_the_sky_does_not_count() -> None:
-    truth = np.full((20, 30), 0.5, np.float32)
-    image = truth.copy()
-    image[:, 20:] = 0.0
-    seen = SEEN & (np.arange(30) < 20)
-    found = errors_of(image, truth_of(truth), seen, {"elsewhere": seen}, light=False)
-    assert found["rmse"] == 0.0
-    assert found["ssim"] == pytest.approx(1.0)
-
-
-def test_pixels_that_the_truth_does_not_know_do_not_count() -> None:
+def test_pixels_that_the_truth_does_not_know_and_the_sky_do_not_count() -> None:
     truth = np.full((20, 30), 0.5, np.float32)
     image = truth.copy()
     image[:, 20:] = 0.0
@@ -49,6 +39,10 @@ def test_pixels_that_the_truth_does_not_know_do_not_count() -> None:
     assert found["bias"] == pytest.approx(0.2 / 20.0)
     assert found["regions"]["elsewhere"]["share"] == pytest.approx(2.0 / 3.0)
     assert found["regions"]["elsewhere"]["bias"] == pytest.approx(0.2 / 20.0)
+    seen = SEEN & (np.arange(30) < 15)  # no more does the sky
+    even = np.full((20, 30), 0.5, np.float32)
+    surfaces = errors_of(np.where(seen, even, np.float32(0.0)), truth_of(even), seen, REGIONS, light=False)
+    assert (surfaces["rmse"], surfaces["ssim"]) == (0.0, pytest.approx(1.0))
     # What looks at neighbourhoods can't be told of a picture with holes.
     assert found["ssim"] is None
     assert found["flip"] is None

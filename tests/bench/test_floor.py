@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import io
 import xml.etree.ElementTree as ET
 from typing import Any
 
 import pytest
-from rich.console import Console
 
 from ssgi_cl.bench import suite, summary, table
-from ssgi_cl.bench.cases import FAMILIES
 from ssgi_cl.bench.plot import looks, plot
 from ssgi_cl.bench.verdict import mark
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import cornell_box
 from ssgi_cl.tuning.case import Case
-from ssgi_cl.tuning.context import Context, TruthSettings
+from ssgi_cl.tuning.context import TruthSettings
 
-from .documents import entry, marked, path_points, texts, whole
+from .documents import entry, marked, path_points, printed, texts, whole
 
 pytestmark = pytest.mark.usefixtures("own_store")
 
@@ -37,13 +34,6 @@ def test_more_layers_have_a_lower_floor_and_no_time(runtime: Runtime) -> None:
     assert sorted(found.pictures) == sorted(case.name for case in cases)
 
 
-@pytest.mark.parametrize("setting", ["0", "17", "1-0", "1-100", "4x10", "many", ""])
-def test_a_wrong_setting_is_refused(setting: str, runtime: Runtime) -> None:
-    context = Context(runtime, cornell_box(), (6, 8))
-    with pytest.raises(ValueError, match=rf"setting is '{setting}': expected LAYERS or LAYERS-OV"):
-        FAMILIES["floor"].prepare(context, setting)
-
-
 def documented() -> list[dict[str, Any]]:
     results = [
         entry("floor.1.hall.8x6", 0.0, 0.07, **FLOOR),
@@ -55,12 +45,9 @@ def documented() -> list[dict[str, Any]]:
     return results
 
 
-def test_a_floor_is_not_on_the_front() -> None:
-    assert [result["front"] for result in documented()] == [False, False, True, True]
-
-
-def test_a_floor_is_a_level_line_in_the_plot() -> None:
+def test_a_floor_is_not_on_the_front_but_a_level_line_in_the_plot() -> None:
     results = documented()
+    assert [result["front"] for result in results] == [False, False, True, True]
     drawn = plot(results, looks(["embree", "floor", "gtao"], ["embree"]), "title", "occlusion")
     root = ET.fromstring(drawn)
     assert len(marked(root, "bound")) == 2
@@ -73,9 +60,7 @@ def test_a_floor_is_a_level_line_in_the_plot() -> None:
 
 def test_a_floor_has_errors_and_no_time_in_every_table(tmp_path: Any) -> None:
     document = whole(*documented())
-    console = Console(width=140, record=True, file=io.StringIO())
-    table.show(document, console)
-    (shown,) = (line for line in console.export_text().splitlines() if "floor.1" in line)
+    (shown,) = (line for line in printed(table.show, document, 140).splitlines() if "floor.1" in line)
     assert shown.split()[:3] == ["floor.1", "-", "-"]
     assert "0.0700" in shown
     page, *_ = summary.write(tmp_path / "page.md", document, {})

@@ -1,4 +1,4 @@
-"""Timing: medians, quartiles, ratios to the reference, and what is not to be relied on."""
+"""Timing: medians, quartiles, ratios to the reference, what is not to be relied on, and a device's ceilings."""
 
 from __future__ import annotations
 
@@ -10,24 +10,22 @@ import numpy as np
 import pytest
 
 from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.rasterize.scenes import cornell_box
+from ssgi_cl.techniques.catalogue import TECHNIQUES
 from ssgi_cl.tuning import measure
-from ssgi_cl.tuning.calibration import GatherLoad
+from ssgi_cl.tuning.calibration import GATHERS, REACH_LOG2, Calibration, GatherLoad
 from ssgi_cl.tuning.case import Subject
+from ssgi_cl.tuning.context import Context
 from ssgi_cl.tuning.measure import Spread, Stopwatch, busyness, disagreement
+from ssgi_cl.tuning.trials import Trials
 
 
-def test_a_spread_is_median_and_quartiles() -> None:
+def test_times_have_a_spread_and_tell_of_halves_that_disagree_and_of_a_busy_machine() -> None:
     assert Spread.of([5.0, 1.0, 2.0, 4.0, 3.0]) == Spread(median=3.0, low=2.0, high=4.0)
-
-
-def test_halves_that_agree_are_steady_and_others_say_by_how_much_they_differ() -> None:
     assert disagreement([0.0, 0.0, 0.0, 0.0]) == ""  # kept frames
     assert disagreement([1.0, 1.05, 1.1, 1.05]) == ""
     assert "21 %" in disagreement([1.0, 1.0, 1.21, 1.21])
     assert "100 %" in disagreement([2.0, 2.0, 1.0, 1.0])
-
-
-def test_a_reference_far_above_its_fastest_tells_of_a_busy_machine() -> None:
     assert busyness([1.0, 1.2, 1.29], 1.0) == ""
     assert "1.8 times" in busyness([1.0, 1.8, 9.0], 1.0)
 
@@ -42,7 +40,9 @@ def test_a_short_subject_is_repeated_within_a_run_and_its_time_is_that_of_one(ru
     watch = Stopwatch(runtime, runs=4)
     watch.reference_ms = [100.0]  # a long one, lest a sleep takes longer
     timing = watch.time(Subject(run=run, on_device=False))
-    assert timing.wall_ms.low >= 0.2  # a sleep is never shorter
+    assert 0.2 <= timing.wall_ms.low < 20.0  # a sleep is never shorter, and on a busy machine hardly so much longer
+    assert timing.device_ms is None
+    assert timing.passes == {}
     assert len(calls) > measure.WARM_UP + measure.TRIES * 4
 
 
@@ -55,14 +55,6 @@ def test_the_reference_measured_against_itself_has_the_ratio_one(runtime: Runtim
     assert list(timing.passes) == ["calibrate_gather"]
     assert timing.device_ms is not None
     assert timing.device_ms.low <= timing.device_ms.median <= timing.device_ms.high
-
-
-def test_work_of_the_host_counts_by_the_wall_clock(runtime: Runtime) -> None:
-    timing = Stopwatch(runtime, runs=4).time(Subject(run=lambda: time.sleep(0.02), on_device=False))
-    assert timing.device_ms is None
-    # A sleep is never shorter, and on a busy machine hardly ten times longer.
-    assert 20.0 <= timing.wall_ms.median < 200.0
-    assert timing.passes == {}
 
 
 @pytest.mark.parametrize("on_device", [True, False])
@@ -82,20 +74,6 @@ def test_the_ratio_is_of_wall_times_whoever_does_the_work(
     assert (timing.device_ms and timing.device_ms.median) == (1.0 if on_device else None)
 
 
-def test_what_the_host_does_between_passes_counts(runtime: Runtime) -> None:
-    load = GatherLoad(runtime)
-
-    def run() -> None:
-        load.run()
-        time.sleep(0.05)
-
-    timing = Stopwatch(runtime, runs=4).time(Subject(run=run))
-    assert timing.wall_ms.low >= 50.0
-    # Both of its parts: the passes take at most as long as the reference, a fifth of the sleep on
-    # any machine but a busy one, whose reference is as slow.
-    assert timing.ratio.median > 50.0 / max(Stopwatch(runtime, runs=4).reference_ms) / 2.0
-
-
 def test_set_up_comes_before_each_run_and_is_not_timed(runtime: Runtime) -> None:
     done = []
 
@@ -109,20 +87,25 @@ def test_set_up_comes_before_each_run_and_is_not_timed(runtime: Runtime) -> None
     assert timing.wall_ms.median < 25.0
 
 
-def test_passes_of_one_name_add_up_and_skipped_ones_keep_their_reason(runtime: Runtime) -> None:
+def test_passes_of_one_name_add_up_and_what_the_host_does_between_them_counts(runtime: Runtime) -> None:
     load = GatherLoad(runtime)
 
     def run() -> None:
         load.run()
+        time.sleep(0.05)
         load.run()
         runtime.skip("blur", "radius 0")
 
-    timing = Stopwatch(runtime, runs=4).time(Subject(run=run))
-    assert list(timing.passes) == ["calibrate_gather"]
+    watch = Stopwatch(runtime, runs=4)
+    timing = watch.time(Subject(run=run))
+    assert timing.wall_ms.low >= 50.0
+    # All its parts: the passes take at most as long as two of the reference, less than the sleep on
+    # any machine but a busy one, whose reference is as slow.
+    assert timing.ratio.median > 50.0 / max(watch.reference_ms) / 2.0
     assert timing.skipped == {"blur": "radius 0"}
     assert timing.device_ms is not None
-    # All of the device's time is that pass; both are medians of the same sums.
-    assert timing.passes["calibrate_gather"] == pytest.approx(timing.device_ms.median, rel=1e-6)
+    # All of the device's time is one pass; both are medians of the same sums.
+    assert timing.passes == {"calibrate_gather": pytest.approx(timing.device_ms.median, rel=1e-6)}
 
 
 def clocked(monkeypatch: pytest.MonkeyPatch, took: Callable[[Subject], float]) -> list[str]:
@@ -180,3 +163,55 @@ def test_a_slow_subject_is_repeated_less_often_but_often_enough(runtime: Runtime
     fast = Stopwatch(runtime, seconds=5.0).time(Subject(run=lambda: None, on_device=False))
     assert fast.runs == measure.MOST
     assert np.isfinite(fast.ratio.median)
+
+
+@pytest.mark.slow  # a second for each form, and more on images
+def test_ceilings_are_those_of_a_machine(variant_runtime: Runtime) -> None:
+    found = Calibration.of(variant_runtime)
+    # Wide: from a small board's single core to the largest GPU.
+    assert 0.1 < found.bandwidth_gb_s < 2e4
+    assert 0.01 < found.gathers_g_s < 2e4
+    assert 0.1 < found.multiply_adds_gflop_s < 2e5
+
+
+def test_scattered_reads_sum_what_they_should(variant_runtime: Runtime) -> None:
+    load = GatherLoad(variant_runtime)
+    with variant_runtime.frame():
+        load.run()
+    values = load._source.download()[0]
+    steps = load._steps.download()
+    reach = 1 << REACH_LOG2
+    lanes = variant_runtime.variant.lanes
+    rows, columns = load.size
+    for y, x in ((100, 208), (301, 37), (200, 463)):
+        first = min(max(x // lanes * lanes, reach), columns - reach - lanes)
+        own, lane = first + x % lanes, (first & 15) + x % lanes
+        assert reach <= y < rows - reach
+        expected = sum(values[y + steps[32 * i + 16 + lane], own + steps[32 * i + lane]] for i in range(GATHERS))
+        # 64 numbers below 1 in float32: each partial sum rounds by 2^-19 at most.
+        np.testing.assert_allclose(load._sum.download()[0, y, x], expected, atol=64 * 2.0**-19)
+
+
+@pytest.fixture
+def trials(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> Trials:
+    reference = itertools.cycle([7.0, 3.0, 5.0])  # what else the machine does only slows it down
+    monkeypatch.setattr(Trials, "_device_ms", lambda self, run: next(reference))
+    return Trials(TECHNIQUES["ssao"], [Context(runtime, cornell_box(), (24, 32)) for _ in range(2)], {}, "rmse")
+
+
+def test_time_is_the_median_ratio_to_the_reference_beside(trials: Trials, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Reference and subject by turns: ratios 2, 3 and 4.
+    times = iter([10.0, 20.0, 10.0, 30.0, 10.0, 40.0, 10.0, 90.0])
+    monkeypatch.setattr(Trials, "_device_ms", lambda self, run: next(times))
+    # The least time of the reference turns a ratio into ms; both views together, told for each.
+    assert trials._device_ms_of(lambda: None, most=3, enough_ms=1e9) == 3.0 * 3.0 / 2.0
+    assert next(times) == 10.0  # no more repetitions than asked for
+
+
+def test_repetitions_end_when_they_took_enough(trials: Trials, monkeypatch: pytest.MonkeyPatch) -> None:
+    runs: list[object] = []
+    monkeypatch.setattr(Trials, "_device_ms", lambda self, run: (runs.append(run), 10.0)[1])
+    for fewest, enough_ms, count in ((1, 25.0, 3), (5, 25.0, 5), (1, 0.0, 1)):
+        runs.clear()
+        trials._device_ms_of(lambda: None, most=9, enough_ms=enough_ms, fewest=fewest)
+        assert len(runs) == 2 * count  # as many of the reference

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -24,15 +25,14 @@ from ssgi_cl.bench.presets import (
 )
 from ssgi_cl.bench.scene_sets import SETS, SceneSets
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.rasterize.parts import assemble
-from ssgi_cl.rasterize.scenes import BuiltinScene
-from ssgi_cl.rasterize.scenes.shapes import box
 from ssgi_cl.techniques.catalogue import TECHNIQUES
 from ssgi_cl.techniques.presets import NAMES
 from ssgi_cl.techniques.presets.speed_model import SpeedModel
 from ssgi_cl.tuning import trials as bench_trials
 from ssgi_cl.tuning.outcome import TuneError
 from ssgi_cl.tuning.trials import geometric_mean
+
+from .documents import boxes
 
 
 def step(name: str, ms: float, tuning: float, validation: float, blur: int = 2, resolution: str = "full") -> Step:
@@ -47,23 +47,28 @@ def names(steps: Sequence[Step]) -> list[str]:
 USUAL = step("usual", 10.0, 0.10, 0.12)
 
 
-def test_a_step_must_improve_on_both_sets() -> None:
-    steps = [
-        step("good", 20.0, 0.09, 0.11),
-        step("overfits", 25.0, 0.08, 0.115),
-        step("better", 30.0, 0.085, 0.10),
-        step("better only in validation", 40.0, 0.086, 0.09),
-    ]
-    assert names(ladder(steps, USUAL)) == ["usual", "good", "better"]
-
-
-def test_what_is_as_fast_or_hardly_better_is_no_step() -> None:
-    steps = [
-        step("as fast", 10.0 * SLOWER - 0.1, 0.05, 0.05),
-        step("as good", 20.0, 0.1 * GAIN + 1e-6, 0.05),
-        step("good", 21.0, 0.1 * GAIN - 1e-6, 0.12 * GAIN - 1e-6),
-    ]
-    assert names(ladder(steps, USUAL)) == ["usual", "good"]
+@pytest.mark.parametrize(
+    ("steps", "kept"),
+    [
+        (  # a step must improve on both sets
+            [step("good", 20.0, 0.09, 0.11), step("overfits", 25.0, 0.08, 0.115), step("better", 30.0, 0.085, 0.10),
+             step("better only in validation", 40.0, 0.086, 0.09)],
+            ["usual", "good", "better"],
+        ),
+        (  # and neither be as fast nor hardly better
+            [step("as fast", 10.0 * SLOWER - 0.1, 0.05, 0.05), step("as good", 20.0, 0.1 * GAIN + 1e-6, 0.05),
+             step("good", 21.0, 0.1 * GAIN - 1e-6, 0.12 * GAIN - 1e-6)],
+            ["usual", "good"],
+        ),
+        (  # blur gets no wider with time; two pixels at half resolution are four of the full one
+            [step("wide", 20.0, 0.05, 0.05, blur=3), step("half", 30.0, 0.05, 0.05, blur=2, resolution="half"),
+             step("half, narrow", 40.0, 0.06, 0.06, blur=1, resolution="half")],
+            ["usual", "half, narrow"],
+        ),
+    ],
+)  # fmt: skip
+def test_the_ladder_from_the_usual_on(steps: list[Step], kept: list[str]) -> None:
+    assert names(ladder(steps, USUAL)) == kept
 
 
 def test_the_usual_is_on_the_ladder_whatever_is_faster_and_better() -> None:
@@ -75,27 +80,12 @@ def test_the_usual_is_on_the_ladder_whatever_is_faster_and_better() -> None:
     assert names(better_than(steps, USUAL)) == ["dominates"]
 
 
-def test_blur_gets_no_wider_with_time() -> None:
-    steps = [
-        step("wide", 20.0, 0.05, 0.05, blur=3),
-        step("half", 30.0, 0.05, 0.05, blur=2, resolution="half"),
-        step("half, narrow", 40.0, 0.06, 0.06, blur=1, resolution="half"),
-    ]
-    # Two pixels at half resolution are four of the full one.
-    assert names(ladder(steps, USUAL)) == ["usual", "half, narrow"]
-
-
 def test_presets_are_the_slowest_steps_within_their_times() -> None:
     chain = [
-        step("a", 2.0, 0.3, 0.3),
-        step("b", 7.0, 0.2, 0.2),
-        step("c", 9.0, 0.15, 0.15),
-        USUAL,
-        step("d", 15.0, 0.09, 0.09),
-        step("e", 25.0, 0.08, 0.08),
-        step("f", 50.0, 0.07, 0.07),
+        step("a", 2.0, 0.3, 0.3), step("b", 7.0, 0.2, 0.2), step("c", 9.0, 0.15, 0.15), USUAL,
+        step("d", 15.0, 0.09, 0.09), step("e", 25.0, 0.08, 0.08), step("f", 50.0, 0.07, 0.07),
         step("g", 200.0, 0.06, 0.06),
-    ]
+    ]  # fmt: skip
     found = named(chain, USUAL)
     assert tuple(found) == NAMES
     assert names(list(found.values())) == ["b", "usual", "e", "f"]
@@ -136,26 +126,12 @@ def test_candidates_are_all_combinations_and_hold_the_defaults() -> None:
 # ---- with scenes
 
 
-def little(name: str, high: float) -> BuiltinScene:
-    parts = [box((-2.0, -0.1, -2.0), (2.0, 0.0, 2.0)), box((-0.4, 0.0, -0.4), (0.4, high, 0.4))]
-    return BuiltinScene(
-        name=name,
-        scene=assemble(parts, (), (), crease_angle=0.5),
-        eye=(1.6, 1.4, 2.2),
-        target=(0.0, 0.2, 0.2),
-        yfov=0.8,
-        lights=(),
-        ao_radius=0.4,
-    )
-
-
 @pytest.fixture
-def sets(runtime: Runtime, monkeypatch: pytest.MonkeyPatch, tmp_path: Any) -> SceneSets:
+def sets(runtime: Runtime, monkeypatch: pytest.MonkeyPatch, own_store: Path) -> SceneSets:
     pytest.importorskip("embreex")
-    monkeypatch.setenv("SSGI_CL_CACHE", str(tmp_path / "cache"))
     # What is asserted here of times is made up.
     monkeypatch.setattr(bench_trials, "REFERENCE_RUNS", 2)
-    chosen = {name: [little(f"{name} {i}", 0.3 + 0.3 * i) for i in range(2)] for name in SETS}
+    chosen = {name: [boxes(f"{name} {i}", 0.3 + 0.3 * i) for i in range(2)] for name in SETS}
     return SceneSets(runtime, chosen=chosen, size=(24, 32), rays=64)
 
 
@@ -168,6 +144,14 @@ def test_errors_are_means_over_a_set(sets: SceneSets) -> None:
     assert geometric_mean([0.01, 0.04]) == pytest.approx(0.02)
 
 
+@pytest.fixture
+def _no_trials(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Errors of nothing that is run."""
+    for name, value in (("prepare", None), ("error", 0.125), ("errors", [0.25, 0.5])):
+        monkeypatch.setattr(bench_trials.Trials, name, lambda self, *_, value=value: value)
+
+
+@pytest.mark.usefixtures("_no_trials")
 def test_record_holds_a_ladder_for_each_number_of_layers(sets: SceneSets, monkeypatch: pytest.MonkeyPatch) -> None:
     entry = replace(TECHNIQUES["ssao"], layers=(1, 2))
     monkeypatch.setitem(TECHNIQUES, "ssao", entry)
@@ -197,11 +181,13 @@ def test_record_holds_a_ladder_for_each_number_of_layers(sets: SceneSets, monkey
             assert all(a > b for a, b in pairwise(values)), of
         times = [preset["ms"] for preset in presets.values()]
         assert times == sorted(times)
-        assert set(presets["high"]["by_scene"]) == {"reporting 0", "reporting 1"}
+        assert presets["high"]["by_scene"] == {"reporting 0": 0.25, "reporting 1": 0.5}
+        assert (presets["high"]["reporting"], presets["high"]["error_cut"]) == (0.3536, 0.125)
         assert presets["low"]["parameters"] in [point["parameters"] for point in recorded["curve"]]
     assert document["pace"]["call_ms"] == 0.01235
 
 
+@pytest.mark.usefixtures("_no_trials")
 def test_defaults_that_are_no_candidate_are_refused(sets: SceneSets, monkeypatch: pytest.MonkeyPatch) -> None:
     entry = TECHNIQUES["ssao"]
     monkeypatch.setitem(TECHNIQUES, "ssao", replace(entry, tunable={**entry.tunable, "samples": [5]}))

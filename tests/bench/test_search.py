@@ -19,9 +19,6 @@ def test_spread_points_fill_the_cube_evenly() -> None:
     cells, counts = np.unique((points * 4).astype(int), axis=0, return_counts=True)
     assert len(cells) == 16
     assert counts.max() <= 6
-
-
-def test_seed_moves_the_points() -> None:
     assert np.abs(spread(8, 3, seed=0) - spread(8, 3, seed=1)).max() > 0.05
 
 
@@ -51,16 +48,12 @@ def test_whole_numbers_have_equal_shares_and_both_ends() -> None:
     assert np.bincount(values).tolist() == [200] * 5
 
 
-def test_wide_ranges_of_positive_numbers_are_searched_by_ratio() -> None:
+def test_wide_ranges_are_searched_by_ratio_and_words_and_switches_without_order() -> None:
     # The middle of 0.01 to 100 is then 1, their geometric mean.
     assert Axis("x", 0.01, 100.0).at(0.5) == pytest.approx(1.0)
     assert Axis("x", 1.0, 2.0).at(0.5) == pytest.approx(1.5)
-
-
-def test_numbers_are_ordered_and_words_and_switches_are_not() -> None:
-    assert Axis("x", values=(1, 2.5, 4)).ordered
-    assert not Axis("x", values=("a", "b")).ordered
-    assert not Axis("x", values=(False, True)).ordered
+    kinds = ((1, 2.5, 4), ("a", "b"), (False, True))
+    assert [Axis("x", values=values).ordered for values in kinds] == [True, False, False]
 
 
 AXES = [
@@ -93,22 +86,18 @@ def test_least_of_a_bowl_is_found_in_ranges_grids_and_choices() -> None:
     assert math.log(best["y"] / 2.0) == pytest.approx(0.0, abs=math.log(100.0) / 64)
 
 
-def test_search_is_the_same_each_time_and_sorted_by_cost() -> None:
-    first, second = narrow(AXES, bowl), narrow(AXES, bowl)
-    assert first == second
-    costs = [bowl(values) for values in first]
-    assert costs == sorted(costs)
-
-
-def test_no_point_is_tried_twice() -> None:
+def test_search_is_the_same_each_time_sorted_by_cost_and_tries_no_point_twice() -> None:
     seen = []
 
     def counted(values: dict[str, Any]) -> Cost:
         seen.append(tuple(values.values()))
         return bowl(values)
 
-    narrow(AXES, counted)
+    found = narrow(AXES, counted)
     assert len(seen) == len(set(seen))
+    assert found == narrow(AXES, bowl)
+    costs = [bowl(values) for values in found]
+    assert costs == sorted(costs)
 
 
 def test_points_that_are_not_allowed_are_left_out() -> None:
@@ -119,9 +108,6 @@ def test_points_that_are_not_allowed_are_left_out() -> None:
     assert all(values["x"] > 0.5 for values in ranked)
     # The least that is allowed lies at the border.
     assert ranked[0]["x"] == pytest.approx(0.5, abs=1 / 32)
-
-
-def test_nothing_allowed_gives_nothing() -> None:
     assert narrow(AXES, lambda values: None) == []
 
 

@@ -1,4 +1,4 @@
-"""Choosing cases, measuring them, and going on where one can't run."""
+"""Choosing cases of every technique, measuring them, and going on where one can't run."""
 
 from __future__ import annotations
 
@@ -10,14 +10,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ssgi_cl.bench import document, suite
-from ssgi_cl.bench.cases import FAMILIES, OWN
+from ssgi_cl.bench import calls, cases, document, suite
+from ssgi_cl.bench.cases import OWN
+from ssgi_cl.bench.experiments import defaults
 from ssgi_cl.bench.verdict import mark
 from ssgi_cl.core import lights
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import BuiltinScene, cornell_box
-from ssgi_cl.tuning.case import Case, Family, Subject
+from ssgi_cl.techniques.catalogue import CATALOGUE, TECHNIQUES
+from ssgi_cl.techniques.technique import Bench
+from ssgi_cl.truth import Truth
+from ssgi_cl.tuning.case import Case, Family, Subject, count_of
 from ssgi_cl.tuning.context import Context, TruthSettings
+from tools.figures import tables
 
 pytestmark = pytest.mark.usefixtures("own_store")
 
@@ -34,6 +39,38 @@ def measured(
     return suite.measure(cases, views, runtime, truths=QUICK, runs=4, families=families)
 
 
+def test_a_case_and_its_name_tell_the_same() -> None:
+    case = Case("ssao-blur", "16", "hall", (600, 800))
+    assert case.name == "ssao-blur.16.hall.800x600"
+    assert Case.parse(case.name) == case
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "",
+        "ssao",
+        "ssao.16.hall",
+        "ssao.16.hall.800",
+        "ssao.16.hall.0x600",
+        "ssao.16.hall.800x600.x",
+        "ssao..hall.800x600",
+        "ssao.16.ha ll.800x600",
+        "ssao.16.hall.800x-600",
+    ],
+)
+def test_what_is_no_name_is_refused_with_an_example(name: str) -> None:
+    with pytest.raises(ValueError, match=r"expected family\.setting\.scene\.COLUMNSxROWS"):
+        Case.parse(name)
+
+
+@pytest.mark.parametrize("setting", ["", "-1", "0", "257", "1.5", "many"])
+def test_a_setting_that_is_no_count_is_refused_with_the_range(setting: str) -> None:
+    with pytest.raises(ValueError, match="expected a number of samples, 1 to 256"):
+        count_of(setting, "a number of samples", 1, 256)
+    assert count_of("16", "a number of samples", 1, 256) == 16
+
+
 def test_without_patterns_every_setting_on_every_scene_and_size_is_chosen() -> None:
     chosen = suite.select([], ["a", "b"], [SMALL, (60, 80)], OWN)
     assert len(chosen) == 4 * sum(len(family.SETTINGS) for family in OWN.values())
@@ -48,12 +85,8 @@ def test_a_pattern_may_stop_early_and_hold_wildcards() -> None:
     assert names("ssao*.16.b") == ["ssao.16.b.40x30", "ssao-blur.16.b.40x30", "ssao-half.16.b.40x30"]
     assert names("*.7.a.40x30", "blur.7.a") == ["blur.7.a.40x30"]  # each once
     assert names("*") == names("*.a.*", "*40x30") == names()
-
-
-def test_cases_of_a_scene_and_size_are_together_whatever_the_order_of_patterns() -> None:
-    chosen = suite.select(["ssao.4", "blur.2"], ["a", "b"], [SMALL, (60, 80)], OWN)
-    places = [(case.scene, case.size) for case in chosen]
-    assert places == [place for place in dict.fromkeys(places) for _ in range(2)]
+    # Cases of a scene and size are together, whatever the order of patterns.
+    assert [name.split(".")[2] for name in names("ssao.4", "blur.2")] == ["a", "a", "b", "b"]
 
 
 def test_a_full_name_may_ask_for_an_unusual_setting_and_size() -> None:
@@ -69,12 +102,6 @@ def test_a_full_name_may_ask_for_an_unusual_setting_and_size() -> None:
 def test_a_pattern_that_fits_nothing_is_refused_with_what_there_is(pattern: str) -> None:
     with pytest.raises(ValueError, match=r"fits none; families are ssao, .*, scenes a"):
         suite.select([pattern], ["a"], [SMALL], OWN)
-
-
-def test_every_technique_that_the_command_line_applies_has_a_case() -> None:
-    from ssgi_cl.techniques.catalogue import TECHNIQUES
-
-    assert set(TECHNIQUES) <= set(FAMILIES)
 
 
 @pytest.mark.slow  # compiles and runs everything, with truths
@@ -157,6 +184,22 @@ def test_an_image_that_shows_nothing_is_timed_without_errors(runtime: Runtime) -
     assert found.results[0]["errors"] == {}
 
 
+def test_the_sky_counts_where_all_light_is_held_to_paths(runtime: Runtime) -> None:
+    def prepare(context: Context, quantity: str) -> Subject:
+        image = np.where(context.seen[..., None], 1.0, np.float32(3.0)).repeat(3, axis=-1)
+        truth = Truth(np.ones_like(image), np.zeros_like(image), 2, "")
+        return Subject.of_image(lambda: image, quantity=quantity, truths={"world": lambda: truth}, timed=False)
+
+    up = replace(cornell_box(), eye=(0.0, 1.0, 9.0), target=(0.0, 1.0, 0.0))
+    found = measured(runtime, view=up, families={"light": Family(prepare, ("radiance", "bounce"))})
+    whole, surfaces = (result["errors"]["world"] for result in found.results)
+    seen = [pictures.seen for pictures in found.pictures.values()]
+    assert seen[0].all()
+    assert 0.0 < seen[1].mean() < 1.0
+    assert surfaces["rmse"] == 0.0
+    assert whole["bias"] == pytest.approx(2.0 * (1.0 - seen[1].mean()))
+
+
 def test_progress_grows_to_one_and_names_what_is_under_way(runtime: Runtime) -> None:
     seen: list[tuple[str, float]] = []
     cases = suite.select(["ssao.4"], ["cornell_box"], [SMALL], OWN)
@@ -172,11 +215,21 @@ def test_progress_grows_to_one_and_names_what_is_under_way(runtime: Runtime) -> 
     assert any("rays of cornell_box" in text for text, _ in seen)
 
 
-def test_the_truth_of_another_attenuation_is_another_truth(runtime: Runtime) -> None:
-    means = []
-    for attenuation in ("none", "linear"):
-        context = Context(runtime, cornell_box(), SMALL, replace(QUICK, rays=16, attenuation=attenuation))
-        means.append(float(context.occlusion().mean.mean()))
-    # What is far away occludes less.
-    assert means[1] > means[0] + 0.01
-    assert np.isfinite(means).all()
+def test_every_technique_is_measured_called_and_shown() -> None:
+    assert set(TECHNIQUES) <= set(cases.FAMILIES)
+    for name, each in CATALOGUE.items():
+        assert set(each.bench.families) <= set(cases.FAMILIES), name
+        for _, figures in each.bench.rows.values():
+            shown = {case.split(".")[0] for _, case in figures}
+            assert shown <= set(cases.FAMILIES), name
+        assert each.kind == "ao" or getattr(calls, each.function.__name__, None) is each.function, name
+    assert {name.replace("_", " ") for name in CATALOGUE if CATALOGUE[name].kind == "ao"} <= set(calls.CALLS)
+    assert set(defaults.SCANS) == {"shadow_map", "vpl_splat", "multires_splat", "ssdo_views"}
+
+
+def test_a_technique_has_rows_and_a_page_by_its_descriptor_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = tables.rows()
+    assert [call for call, _, _ in before] == list(tables.ORDER)
+    new = replace(CATALOGUE["ssao"], name="new", bench=Bench(rows={"new": ("what", (("", "ssao.4"),))}))
+    monkeypatch.setitem(CATALOGUE, "new", new)
+    assert tables.rows() == [*before, ("new", "what", (("", "ssao.4"),))]

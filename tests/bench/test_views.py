@@ -33,15 +33,6 @@ def test_a_file_gets_a_name_that_fits_into_a_case_and_a_view_that_shows_it(ball:
     assert 0.6 < view.ao_radius / (0.05 * 4.0 / 0.9 * 5.0 / 3.0) < 1.0
 
 
-def test_a_camera_beside_the_file_is_taken(ball: Path, runtime: Runtime) -> None:
-    ball.with_name("a ball.v2.scene.json").write_text(
-        '{"origin": [0, 0, 9], "forward": [0, 0, -1], "up": [0, 1, 0], "fov_deg": 60}'
-    )
-    view = views_of([str(ball)], runtime)["a_ball_v2"]
-    np.testing.assert_allclose(view.eye, (0, 0, 9), atol=1e-12)
-    np.testing.assert_allclose(view.target, (0, 0, 8), atol=1e-12)
-
-
 CAMERA = '"origin": [0, 0, 9], "forward": [0, 0, -1], "up": [0, 1, 0], "fov_deg": 60'
 
 
@@ -52,20 +43,19 @@ def test_a_view_names_its_mesh_its_camera_and_how_far_occlusion_reaches(ball: Pa
     views = views_of([str(ball.parent / "views" / f"{n}.json") for n in ("near", "far")], runtime)
     assert list(views) == ["near", "far"]
     np.testing.assert_allclose(views["near"].eye, (0, 0, 9), atol=1e-12)
+    np.testing.assert_allclose(views["near"].target, (0, 0, 8), atol=1e-12)
     assert len(views["near"].scene.triangles) == 320
     assert views["near"].ao_radius == 0.25
+    ball.with_name("a ball.v2.scene.json").write_text(f"{{{CAMERA}}}")  # a camera beside the mesh
+    np.testing.assert_allclose(views_of([str(ball)], runtime)["a_ball_v2"].eye, (0, 0, 9), atol=1e-12)
+    # Meshes may lie in another folder than views.
+    (moved := ball.parent / "views" / "moved.json").write_text(f'{{"mesh": "{ball.name}", {CAMERA}}}')
+    assert len(views_of([str(moved)], runtime, ball.parent)["moved"].scene.triangles) == 320
+    with pytest.raises(SceneError, match=r"views.*ball"):
+        views_of([str(moved)], runtime)
     # From far away the ball is smaller than the picture: 5 % of the diagonal of a box 4 units wide
     # (an icosphere's box is that within 2 %).
     assert views["far"].ao_radius == pytest.approx(0.05 * 4.0 * 3.0**0.5, rel=0.02)
-
-
-def test_meshes_may_lie_in_another_folder_than_views(ball: Path, tmp_path: Path, runtime: Runtime) -> None:
-    (tmp_path / "views").mkdir()
-    view = tmp_path / "views" / "near.json"
-    view.write_text(f'{{"mesh": "{ball.name}", {CAMERA}}}')
-    assert len(views_of([str(view)], runtime, ball.parent)["near"].scene.triangles) == 320
-    with pytest.raises(SceneError, match=r"views.*ball"):
-        views_of([str(view)], runtime)
 
 
 @pytest.mark.parametrize(
@@ -92,5 +82,5 @@ def test_names_that_are_no_scene_are_refused(tmp_path: Path, runtime: Runtime) -
         views_of(["attic"], runtime)
     with pytest.raises(SceneError, match=r"attic\.obj"):
         views_of([str(tmp_path / "attic.obj")], runtime)
-    with pytest.raises(ValueError, match="two scenes are called 'hall'"):
-        views_of(["hall", "hall"], runtime)
+    with pytest.raises(ValueError, match="two scenes are called 'cornell_box'"):
+        views_of(["cornell_box", "cornell_box"], runtime)

@@ -5,38 +5,28 @@ from __future__ import annotations
 import base64
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 import ssgi_cl as gi
-from ssgi_cl.cli.command import main
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.render import default_ao_radius
 from ssgi_cl.io import exr
 from ssgi_cl.rasterize.raster.default_camera import default_camera, default_lights
 from ssgi_cl.rasterize.scenes import make_scene
 
+from .commands import answer, fails, succeeds
+
 LIGHTS = "KHR_lights_punctual"
-
-
-def told(*arguments: str) -> str:
-    done = CliRunner().invoke(main, ["info", *arguments])
-    assert done.exit_code == 0, done.output
-    return done.stdout
-
-
-def facts_of(*arguments: str) -> dict[str, Any]:
-    facts: dict[str, Any] = json.loads(told(*arguments, "--json"))
-    return facts
 
 
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     """A triangle with a material, two cameras, a spot light and a blended material's note."""
     data = np.array([[0, 0, 0], [2, 0, 0], [0, 3, 0]], np.float32).tobytes()
+    spot = {"type": "spot", "intensity": 1366, "spot": {"innerConeAngle": 0.4999, "outerConeAngle": 0.5}}
+    colour = {"pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.25, 1, 1]}}
     document = {
         "asset": {"version": "2.0"},
         "nodes": [
@@ -49,21 +39,8 @@ def file(tmp_path: Path) -> Path:
             {"type": "perspective", "perspective": {"yfov": 0.5, "znear": 0.1, "aspectRatio": 1.5}},
             {"type": "orthographic", "orthographic": {"xmag": 2, "ymag": 1, "znear": 0, "zfar": 10}},
         ],
-        "extensions": {
-            LIGHTS: {
-                "lights": [
-                    {"type": "spot", "intensity": 1366, "spot": {"innerConeAngle": 0.4999, "outerConeAngle": 0.5}}
-                ]
-            }
-        },
-        "materials": [
-            {
-                "name": "pane",
-                "alphaMode": "BLEND",
-                "emissiveFactor": [0, 0.5, 0],
-                "pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.25, 1, 1]},
-            }
-        ],
+        "extensions": {LIGHTS: {"lights": [spot]}},
+        "materials": [{"name": "pane", "alphaMode": "BLEND", "emissiveFactor": [0, 0.5, 0], **colour}],
         "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "material": 0}]}],
         "accessors": [{"type": "VEC3", "componentType": 5126, "count": 3, "bufferView": 0}],
         "bufferViews": [{"buffer": 0, "byteLength": 36}],
@@ -75,7 +52,7 @@ def file(tmp_path: Path) -> Path:
 
 
 def test_a_file_is_told_with_all_that_it_brings(file: Path) -> None:
-    facts = facts_of(str(file))
+    facts = answer("info", file)
     assert facts["bounds"] == [[0, 0, 0], [2, 3, 0]]
     assert (facts["triangles"], facts["vertices"], facts["textures"]) == (1, 3, [])
     (material,) = facts["materials"]
@@ -99,21 +76,21 @@ def test_a_file_is_told_with_all_that_it_brings(file: Path) -> None:
 
 
 def test_options_of_render_change_what_it_is_drawn_with(file: Path, tmp_path: Path) -> None:
-    facts = facts_of(str(file), "--camera", "Plan", "--environment", "1,2,3")
+    facts = answer("info", file, "--camera", "Plan", "--environment", "1,2,3")
     assert facts["camera"]["view_height"] == pytest.approx(3.0)  # 4 wide at 800 x 600
     assert [light["kind"] for light in facts["used_lights"]] == ["SpotLight", "Environment"]
     assert facts["used_lights"][1]["radiance"] == [1, 2, 3]
     image = np.zeros((2, 4, 3), np.float32)
     image[0] = 3.0  # the upper half of the sphere
     exr.write(tmp_path / "sky.exr", {"image": image})
-    sky = facts_of(str(file), "--environment", str(tmp_path / "sky.exr"))["used_lights"][1]
+    sky = answer("info", file, "--environment", tmp_path / "sky.exr")["used_lights"][1]
     assert (sky["image"], sky["radiance"]) == ([4, 2], pytest.approx([1.5] * 3))
 
 
 def test_without_a_view_it_tells_the_default_one(tmp_path: Path, runtime: Runtime) -> None:
     path = tmp_path / "a.obj"
     path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
-    facts = facts_of(str(path), "--width", "80", "--height", "60")
+    facts = answer("info", path, "--width", "80", "--height", "60")
     scene = gi.rasterize.load_scene(path)
     camera = default_camera(scene, 80, 60, np.radians(50.0), runtime)
     np.testing.assert_allclose(facts["camera"]["eye"], camera.position, atol=1e-12)
@@ -125,13 +102,13 @@ def test_without_a_view_it_tells_the_default_one(tmp_path: Path, runtime: Runtim
 
 
 def test_a_built_in_scene_has_its_own_radius() -> None:
-    facts = facts_of("hall")
+    facts = answer("info", "hall")
     assert facts["ao_radius"] == make_scene("hall").ao_radius
     assert facts["triangles"] == len(make_scene("hall").scene.triangles)
 
 
 def test_text_names_everything(file: Path) -> None:
-    text = told(str(file))
+    text = succeeds("info", file).stdout
     for part in (
         "bounds     0 0 0 to 2 3 0",
         "triangles  1 of 3 vertices",
@@ -152,7 +129,5 @@ def test_text_names_everything(file: Path) -> None:
         (["cornell_box", "--fov", "200"], "--fov is 200"),
     ],
 )
-def test_faults_are_one_line(arguments: list[str], message: str) -> None:
-    done = CliRunner().invoke(main, ["info", *arguments])
-    assert done.exit_code == 1
-    assert message in done.output
+def test_faults_are_one_line(tmp_path: Path, arguments: list[str], message: str) -> None:
+    assert message in fails(tmp_path, "info", *arguments)

@@ -56,6 +56,8 @@ def test_each_triangle_is_solid_or_blended_and_keeps_all_that_it_has() -> None:
     assert parts.blended is not None
     assert names(parts.solid) == ["solid", "solid"]
     assert names(parts.blended) == ["glass", "smoke", "leaf"]
+    # Texels that show nothing are left out of layers.
+    assert [m.alpha_cutoff for m in parts.blended.used_materials] == [0.0, 0.0, FAINTEST]
     for part, chosen in ((parts.solid, [0, 3]), (parts.blended, [1, 2, 4])):
         for field in ("positions", "normals", "uvs", "colors"):
             found = getattr(part, field)[part.triangles]
@@ -72,17 +74,8 @@ def test_what_stops_half_of_the_light_casts_shadows() -> None:
     smoke, leaf = casting.used_materials[2:]
     np.testing.assert_allclose(smoke.albedo, np.array(SMOKE.albedo) * 0.75, rtol=1e-12)
     assert (leaf.alpha_cutoff, leaf.has_holes) == (0.5, True)
-
-
-def test_where_none_of_them_casts_the_solid_part_does() -> None:
-    parts = scene_parts(scene_with(SOLID, GLASS, FAINT))
+    parts = scene_parts(scene_with(SOLID, GLASS, FAINT))  # of which none casts
     assert parts.casting is parts.solid
-
-
-def test_texels_that_show_nothing_are_left_out_of_layers() -> None:
-    blended = scene_parts(scene_with(SOLID, LEAF, SMOKE, GLASS)).blended
-    assert blended is not None
-    assert [m.alpha_cutoff for m in blended.used_materials] == [FAINTEST, 0.0, 0.0]
 
 
 def test_without_anything_solid_a_triangle_without_area_is_left() -> None:

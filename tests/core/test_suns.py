@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import weakref
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,12 @@ from ssgi_cl import Environment
 from ssgi_cl.core.environment_samples import texels
 from ssgi_cl.core.suns import MOST_SUNS, lights_with_suns, split_suns
 from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.frame.params import FrameParams
+from ssgi_cl.frame.passes import resources
+from ssgi_cl.frame.renderer import Renderer
 from ssgi_cl.rasterize.scenes import make_scene
+
+from ..rasterize.meshes import scene_of
 
 Doubles = NDArray[np.float64]
 
@@ -43,8 +49,9 @@ def flux(environment: Environment) -> Doubles:
     return total
 
 
-@pytest.mark.parametrize("radius", [0.013, 0.02, 0.044])
-@pytest.mark.parametrize("way", [WAY, [0.0, 1.0, 0.0], [0.1, 0.2, 0.99], [1e-3, -0.99, 0.1]])
+@pytest.mark.parametrize(
+    ("radius", "way"), [(0.013, WAY), (0.02, [0.0, 1.0, 0.0]), (0.044, [0.1, 0.2, 0.99]), (0.013, [1e-3, -0.99, 0.1])]
+)
 def test_a_sun_becomes_one_light_and_nothing_is_lost(radius: float, way: Any) -> None:
     # Also at a pole, and where the image's last column meets its first.
     way = np.asarray(way) / np.linalg.norm(way)
@@ -115,6 +122,19 @@ def test_other_lights_keep_their_places() -> None:
     assert "directional light" in note
 
 
+@pytest.mark.parametrize(("bounces", "told"), [("all", 1), (0, 0)])
+def test_frames_of_all_bounces_are_lit_by_suns_and_show_the_sky_as_it_was_given(bounces: Any, told: int) -> None:
+    lights = (sky(0.02, 0.7), gi.PointLight((0, 1, 0), 1.0))
+    skips: list[tuple[Any, ...]] = []
+    renderer: Any = SimpleNamespace(runtime=SimpleNamespace(skip=lambda *skip: skips.append(skip)))
+    camera = gi.Camera.look_at((0, 0, 0), (0, 0, -1), width=4, height=3)
+    params = FrameParams(bounces=bounces)
+    given = Renderer._given(renderer, scene_of(np.eye(3)), camera, lights, params, 1.0)
+    assert given[resources.SKY] == lights
+    assert given[resources.LIGHTS] == (lights_with_suns(lights)[0] if told else lights)
+    assert [name for name, *_ in skips] == ["suns"] * told
+
+
 @pytest.mark.slow
 def test_a_sun_in_an_environment_lights_a_frame_as_paths_do(runtime: Runtime) -> None:
     pytest.importorskip("mitsuba", reason="mitsuba is not installed (extra 'truth')")
@@ -134,18 +154,8 @@ def test_a_sun_in_an_environment_lights_a_frame_as_paths_do(runtime: Runtime) ->
     assert off < 0.15, off  # .10 here, .2 and more without a light of the sun's own
 
 
-def test_the_background_shows_the_sun(runtime: Runtime) -> None:
-    built = make_scene("colonnade-11")
-    up = np.array([0.0, 1.0, 0.0])
-    sunny = sky(0.02, 0.8, up)
-    above = np.asarray(built.scene.bounds).max(axis=0) + 10.0
-    camera = gi.Camera.look_at(above, above + up, (0, 0, 1), yfov=0.1, width=16, height=12)
-    given: dict[str, Any] = {"preset": "low", "exposure": 1.0, "runtime": runtime}
-    seen = gi.render(built.scene, camera, [sunny], **given).radiance
-    assert seen.max() == pytest.approx(np.asarray(sunny.radiance).max(), rel=1e-3)
-
-
-def test_a_sun_in_an_environment_lights_surfaces_as_the_directional_light_does(runtime: Runtime) -> None:
+@pytest.mark.slow
+def test_a_sun_in_an_environment_is_seen_and_lights_surfaces_as_the_directional_light_does(runtime: Runtime) -> None:
     built = make_scene("colonnade-11")
     sunny = sky(0.02, 0.8)
     given: dict[str, Any] = {"preset": "low", "exposure": 1.0, "runtime": runtime}
@@ -159,3 +169,8 @@ def test_a_sun_in_an_environment_lights_surfaces_as_the_directional_light_does(r
     np.testing.assert_array_equal(frame.radiance[surface], expected[surface])
     dark = gi.render(built.scene, camera, [rest], **given).radiance
     assert frame.radiance[surface].mean() > 2.0 * dark[surface].mean()
+    up = np.array([0.0, 1.0, 0.0])
+    above = np.asarray(built.scene.bounds).max(axis=0) + 10.0
+    camera = gi.Camera.look_at(above, above + WAY, up, yfov=0.1, width=16, height=12)
+    seen = gi.render(built.scene, camera, [sunny], **given).radiance
+    assert seen.max() == pytest.approx(np.asarray(sunny.radiance).max(), rel=1e-3)

@@ -166,6 +166,11 @@ def test_the_same_map_is_uploaded_once(runtime: Runtime) -> None:
         (lambda runtime: np.ones((4, 4)), TypeError, r"rsm is ndarray: expected ReflectiveShadow"),
         (lambda runtime: None, TypeError, r"rsm is NoneType: expected ReflectiveShadowMap or Dev"),
         (lambda runtime: DeviceRsm(runtime, (4, 4)), ValueError, r"device RSM is empty: upload"),
+        (
+            lambda runtime: DeviceRsm(runtime, (8, 8), 6).upload(wall_map()),
+            ValueError,
+            r"has 1 faces of \[\(64, 64\)\] texels: expected 6 of",
+        ),
     ],
 )
 def test_something_else_than_a_filled_map_is_refused(
@@ -173,8 +178,3 @@ def test_something_else_than_a_filled_map_is_refused(
 ) -> None:
     with pytest.raises(error, match=message):
         on_device_rsm(make(runtime), runtime)
-
-
-def test_a_map_of_another_size_is_refused(runtime: Runtime) -> None:
-    with pytest.raises(ValueError, match=r"has 1 faces of \[\(64, 64\)\] texels: expected 6 of"):
-        DeviceRsm(runtime, (8, 8), 6).upload(wall_map())

@@ -54,11 +54,8 @@ def test_a_text_includes_files_like_a_file_does() -> None:
     assert flat.endswith('#line 3 "mine"\nint a;\n')
 
 
-def test_a_missing_file_is_named() -> None:
+def test_a_missing_file_is_named_with_the_place_that_wants_it() -> None:
     with pytest.raises(KernelSourceError, match=r"kernels/ssao/none\.cl does not exist"):
         sources.flatten("ssao/none.cl")
-
-
-def test_a_missing_include_is_named_with_the_place_that_wants_it() -> None:
     with pytest.raises(KernelSourceError, match=r"kernels/a/b\.clh does not exist; mine:2 asks"):
         sources.flatten_text('int a;\n#include "a/b.clh"\n', "mine")

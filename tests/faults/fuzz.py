@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from reading import Reader
-from seeds import Files, glb, seeds
+from seeds import Files, chunk, glb, seeds
 
 _NUMBERS = (
     0, 1, -1, 2, 3, 4, 7, 127, 128, 255, 256, 32767, 65535, 65536, 2**24, 2**31 - 1, 2**31, 2**32 - 1, 2**32, 2**63,
@@ -200,10 +200,7 @@ class Fuzzer:
             chunks[index][1] = zlib.compress(bytes(self.random.choice((10, 1 << 24))))
         else:
             chunks[index][1] = self._bytes(chunks[index][1])
-        return data[:8] + b"".join(
-            struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
-            for kind, body in chunks
-        )
+        return data[:8] + b"".join(chunk(kind, body) for kind, body in chunks)
 
 
 def _integers() -> list[int]:

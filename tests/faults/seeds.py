@@ -6,6 +6,7 @@ import io
 import json
 import struct
 import tempfile
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,18 @@ def picture(kind: str = "PNG", size: tuple[int, int] = (8, 4), mode: str = "RGB"
     file = io.BytesIO()
     Image.fromarray(pixels.squeeze()).save(file, format=kind)
     return file.getvalue()
+
+
+def chunk(kind: bytes, body: bytes) -> bytes:
+    """Return a chunk of a PNG file."""
+    return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+
+
+def png_of(columns: int, rows: int, body: bytes = b"", more: bytes = b"") -> bytes:
+    """Return a PNG file that claims a size, whatever it holds."""
+    head = chunk(b"IHDR", struct.pack(">2I5B", columns, rows, 8, 2, 0, 0, 0))
+    end = chunk(b"IDAT", zlib.compress(body)) + chunk(b"IEND", b"")
+    return b"\x89PNG\r\n\x1a\n" + head + more + end
 
 
 def glb(document: dict[str, Any], binary: bytes) -> bytes:

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from .reading import Reader
-from .seeds import Files, document, exrs, glb, obj, picture, plys, seeds
+from .seeds import Files, chunk, document, exrs, glb, obj, picture, plys, png_of, seeds
 
 CORPUS = Path(__file__).with_name("corpus")
 OBJ = obj()
@@ -53,17 +53,6 @@ def with_uri(uri: str) -> Files:
 def with_map(line: str) -> Files:
     library = b"newmtl m\n" + line.encode() + b"\n"
     return {**OBJ, "a.mtl": library}
-
-
-def chunk(kind: bytes, body: bytes) -> bytes:
-    return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
-
-
-def png_of(columns: int, rows: int, body: bytes = b"", more: bytes = b"") -> bytes:
-    """Return a PNG file that claims a size, whatever it holds."""
-    head = chunk(b"IHDR", struct.pack(">2I5B", columns, rows, 8, 2, 0, 0, 0))
-    end = chunk(b"IDAT", zlib.compress(body)) + chunk(b"IEND", b"")
-    return b"\x89PNG\r\n\x1a\n" + head + more + end
 
 
 def exr_with(name: bytes, value: bytes) -> Files:
@@ -114,6 +103,7 @@ REFUSED: dict[str, tuple[Files, str]] = {
         "60000000 triangles",
     ),
     "a file outside": (with_uri("../../../../../../../etc/passwd"), "leaves the folder"),
+    "a buffer outside": (changed(lambda j: j["buffers"][0].update(uri="../../etc/passwd")), "leaves the folder"),
     "a file outside, encoded": (with_uri("%2e%2e/%2e%2e/etc/passwd"), "leaves the folder"),
     "an absolute file": (with_uri("/etc/passwd"), "relative to the scene file"),
     "an address": (with_uri("file:///etc/passwd"), "relative to the scene file"),

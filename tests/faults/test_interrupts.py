@@ -74,7 +74,7 @@ def renderer(runtime: Runtime, bounce: str | None, skips: bool) -> Renderer:
 
 @pytest.mark.parametrize("skips", [True, pytest.param(False, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
-    ("bounce", "every"), [(None, 5), ("multires", 9), *(pytest.param(b, 3, marks=pytest.mark.slow) for b in BOUNCES)]
+    ("bounce", "every"), [(None, 5), ("gather", 9), *(pytest.param(b, 3, marks=pytest.mark.slow) for b in BOUNCES)]
 )
 def test_a_renderer_is_right_after_it_was_stopped_at_any_step(
     runtime: Runtime, stopper: Callable[[int], None], bounce: str | None, every: int, skips: bool
@@ -102,28 +102,33 @@ def test_a_renderer_is_right_after_it_was_stopped_at_any_step(
     assert stopped > 3, "a frame has ten passes at the least"
 
 
-def test_functions_are_right_after_they_were_stopped(runtime: Runtime, stopper: Callable[[int], None]) -> None:
+@pytest.mark.parametrize(
+    "name", ["gtao", *(pytest.param(n, marks=pytest.mark.slow) for n in ("multires_splat", "ssdo"))]
+)
+def test_functions_are_right_after_they_were_stopped(
+    runtime: Runtime, stopper: Callable[[int], None], name: str
+) -> None:
     gbuffers = [gi.rasterize.gbuffer(BOX.scene, camera, runtime=runtime) for camera in CAMERAS]
     rsm = gi.rasterize.rsm(BOX.scene, MOVED, size=32, runtime=runtime)
-    calls: list[Callable[[Any], Any]] = [
-        lambda g: gi.gtao(g, radius=0.3, runtime=runtime),
-        lambda g: gi.multires_splat(g, rsm, vpls=64, runtime=runtime),
-        lambda g: gi.ssdo(g, lights=[MOVED], radius=0.5, runtime=runtime)[0],
-    ]
-    for call in calls:
-        expected = [call(g) for g in gbuffers]
-        step, stopped = 0, True
-        while stopped:
-            stopper(step)
-            try:
-                call(gbuffers[0])
-                stopped = False
-            except Stop:
-                step += 7
-            stopper(-1)
-            for found, right in zip(map(call, reversed(gbuffers)), reversed(expected), strict=True):
-                np.testing.assert_array_equal(found, right)
-        assert step > 7
+    calls: dict[str, Callable[[Any], Any]] = {
+        "gtao": lambda g: gi.gtao(g, radius=0.3, runtime=runtime),
+        "multires_splat": lambda g: gi.multires_splat(g, rsm, vpls=64, runtime=runtime),
+        "ssdo": lambda g: gi.ssdo(g, lights=[MOVED], radius=0.5, runtime=runtime)[0],
+    }
+    call = calls[name]
+    expected = [call(g) for g in gbuffers]
+    step, stopped = 0, True
+    while stopped:
+        stopper(step)
+        try:
+            call(gbuffers[0])
+            stopped = False
+        except Stop:
+            step += 7
+        stopper(-1)
+        for found, right in zip(map(call, reversed(gbuffers)), reversed(expected), strict=True):
+            np.testing.assert_array_equal(found, right)
+    assert step > 7
 
 
 def test_an_error_in_arguments_costs_nothing_that_is_kept(runtime: Runtime) -> None:

@@ -23,7 +23,7 @@ from ssgi_cl.frame.render import Renderer
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 
 BOX = BUILTIN_SCENES["cornell_box"]()
-CAMERAS = [gi.Camera.look_at((0.1 * i - 0.4, 1, 3.4), (0, 1, 0), width=64, height=48) for i in range(8)]
+CAMERAS = [gi.Camera.look_at((0.1 * i - 0.4, 1, 3.4), (0, 1, 0), width=40, height=30) for i in range(8)]
 
 
 def drawn(runtime: Runtime, camera: gi.Camera = CAMERAS[0], made: Any = BOX, **options: Any) -> gi.Frame:
@@ -37,7 +37,7 @@ def renderer(runtime: Runtime, shadow_size: int) -> Renderer:
     return Renderer(runtime, CAMERAS[0].size, FrameParams(bounces=0, ao=False, shadow_size=shadow_size))
 
 
-@pytest.mark.parametrize("calls", [400, pytest.param(10_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("calls", [200, pytest.param(10_000, marks=pytest.mark.slow)])
 def test_eight_threads_get_what_one_gets(runtime: Runtime, calls: int) -> None:
     gbuffers = [gi.rasterize.gbuffer(BOX.scene, camera, runtime=runtime) for camera in CAMERAS]
 
@@ -51,14 +51,14 @@ def test_eight_threads_get_what_one_gets(runtime: Runtime, calls: int) -> None:
 
 
 def test_threads_render_what_one_renders_and_each_sees_its_own_passes(runtime: Runtime) -> None:
-    modes = [{"indirect": "multires", "vpls": 64}, {"ao": "ssao"}, {"indirect": "ssdo"}, {"indirect": "gather"}]
+    modes: list[dict[str, Any]] = [{"indirect": "gather"}, {}]
 
     def frame(number: int) -> gi.Frame:
-        return drawn(runtime, CAMERAS[number % 2], rsm_size=32, skips=False, **modes[number % 4])
+        return drawn(runtime, CAMERAS[number % 2], rsm_size=32, skips=False, **modes[number // 2 % 2])
 
     expected = [frame(number) for number in range(4)]
     with ThreadPoolExecutor(4) as pool:
-        for number, found in enumerate(pool.map(frame, range(40))):
+        for number, found in enumerate(pool.map(frame, range(24))):
             right = expected[number % 4]
             np.testing.assert_array_equal(found.radiance, right.radiance)
             assert [p.name for p in found.passes] == [p.name for p in right.passes]
@@ -118,8 +118,7 @@ def test_a_process_forked_before_any_device_was_opened_may_open_one() -> None:
 def test_a_new_radius_a_frame_keeps_memory_within_its_bound(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(runtime.memory, "keep", 24 << 20)
     for number in range(40):
-        options = {"ao_radius": 0.2 + 0.001 * number, "indirect": "multires", "vpls": 64}
-        gi.render(BOX.scene, CAMERAS[0], BOX.lights, shadow_size=64, rsm_size=64, runtime=runtime, **options)
+        drawn(runtime, ao_radius=0.2 + 0.001 * number, indirect="gather", rsm_size=32)
         assert runtime.memory.kept <= 24 << 20
 
 
@@ -138,10 +137,6 @@ def test_a_scene_goes_with_its_last_reference(runtime: Runtime) -> None:
         assert runtime.memory.used - runtime.transient.held == before
 
 
-def point_lights(count: int) -> list[gi.PointLight]:
-    return [gi.PointLight((0.0, 1.0, 0.01 * i), (1.0, 1.0, 1.0)) for i in range(count)]
-
-
 def let_all_go(runtime: Runtime) -> None:
     runtime._prepared.clear()
     gc.collect()
@@ -151,7 +146,7 @@ def test_more_shadow_maps_than_there_is_room_for_are_refused_before_any_work(
     runtime: Runtime, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     let_all_go(runtime)
-    lights = point_lights(60)
+    lights = [gi.PointLight((0.0, 1.0, 0.01 * i), (1.0, 1.0, 1.0)) for i in range(60)]
     draw = renderer(runtime, 256)
     first = draw(BOX.scene, CAMERAS[0], lights[:1]).radiance
     monkeypatch.setattr(runtime.memory, "limit", runtime.memory.used + (40 << 20))
@@ -163,32 +158,15 @@ def test_more_shadow_maps_than_there_is_room_for_are_refused_before_any_work(
 
 
 def test_maps_of_lights_that_are_gone_are_let_go(runtime: Runtime) -> None:
-    lights = point_lights(8)
+    lights = [gi.SpotLight((0.0, 1.0, 0.01 * i), (0.0, -1.0, 0.0), 0.5, (1.0, 1.0, 1.0)) for i in range(8)]
     draw = renderer(runtime, 64)
     draw(BOX.scene, CAMERAS[0], lights[:1])
     before = runtime.memory.used
     draw(BOX.scene, CAMERAS[0], lights)
-    assert runtime.memory.used > before + 7 * 6 * 64 * 64 * 4
+    assert runtime.memory.used > before + 7 * 64 * 64 * 4
     draw(BOX.scene, CAMERAS[0], lights[:1])
     gc.collect()
     assert runtime.memory.used == before
-
-
-def test_old_techniques_give_way_to_what_a_frame_needs(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
-    let_all_go(runtime)
-    lights = point_lights(3)
-
-    def draw() -> None:
-        drawn(runtime, lights=lights, shadow_size=256, ao=False)
-
-    base = runtime.memory.used
-    draw()
-    needed = runtime.memory.used - base
-    let_all_go(runtime)
-    monkeypatch.setattr(runtime.memory, "limit", base + needed + (2 << 20))
-    for number in range(4):
-        runtime.prepared(("old", number), lambda: runtime.plane(1, (400, 1024)))
-    draw()
 
 
 @pytest.mark.skipif(host_memory.spare(1 << 30) < 1 << 30, reason="needs 1 GiB")

@@ -10,6 +10,9 @@ import numpy as np
 import ssgi_cl as gi
 from ssgi_cl.core.scene import Material, Scene
 
+MAPS: dict[str, Any] = {"shadow_size": 64, "rsm_size": 64}
+"""Small maps of lights, for frames whose shadows need no sharp edge; much less work than the default ones."""
+
 CORNERS = [[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
 QUADS = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
 """Sides of the cube of `CORNERS`, which face inwards; +z is the last."""

@@ -10,26 +10,19 @@ import ssgi_cl as gi
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.params import PRESETS, FrameParams, WholeFrameParams
 from ssgi_cl.rasterize.scenes import make_scene
+from ssgi_cl.techniques.catalogue import TECHNIQUES
+
+from .scenes import MAPS
 
 
 def test_another_radius_runs_occlusion_and_what_reads_it(runtime: Runtime) -> None:
     view = make_scene("cornell_box")
-    camera = gi.Camera.look_at(view.eye, view.target, view.up, yfov=view.yfov, width=48, height=36)
+    camera = view.camera(48, 36)
     lights = [*view.lights, gi.Environment((0.3, 0.4, 0.5))]
 
     def states(radius: float) -> dict[str, str]:
-        frame = gi.render(
-            view.scene,
-            camera,
-            lights,
-            indirect="multires",
-            vpls=64,
-            ao_radius=radius,
-            shadow_size=32,
-            rsm_size=32,
-            exposure=1.0,
-            runtime=runtime,
-        )
+        given = {"indirect": "multires", "vpls": 64, "exposure": 1.0, "runtime": runtime, **MAPS}
+        frame = gi.render(view.scene, camera, lights, ao_radius=radius, **given)
         return {stage.name: stage.state for stage in frame.graph.stages}
 
     states(0.3)
@@ -50,7 +43,6 @@ def test_another_radius_runs_occlusion_and_what_reads_it(runtime: Runtime) -> No
         (FrameParams, {"preset": "best"}, ValueError, r"preset is 'best': expected .*'low'.*'ultra'"),
         (FrameParams, {"bounces": 0, "preset": "low"}, ValueError, r"preset is 'low': expected None without bounces"),
         (FrameParams, {"bounces": 2, "indirect": "vpl"}, ValueError, r"bounces is 2: expected None or 0 with indirect"),
-        (FrameParams, {"layers": 0}, ValueError, r"layers is 0: expected an integer >= 1 and <= 16"),
         (WholeFrameParams, {"vpls": -5}, ValueError, r"vpls is -5: expected an integer >= 16 and <= 65536"),
         (WholeFrameParams, {"surfels": 0}, ValueError, r"surfels is 0: expected an integer"),
         (WholeFrameParams, {"error": -1}, ValueError, r"error is -1: expected a number"),
@@ -61,6 +53,13 @@ def test_another_radius_runs_occlusion_and_what_reads_it(runtime: Runtime) -> No
 def test_bad_parameters_are_refused(params: Any, given: dict[str, Any], error: type[Exception], message: str) -> None:
     with pytest.raises(error, match=message):
         params(**given)
+
+
+@pytest.mark.parametrize("name", ["ssao", "hbao", "gtao", "bitmask_ao"])
+def test_ambient_occlusion_is_that_of_the_name(name: str) -> None:
+    chosen = FrameParams(ao=name, ao_radius=0.3).techniques(1.0)[0]
+    assert type(chosen) is TECHNIQUES[name].params
+    assert chosen.radius in (0.3, (0.3,))
 
 
 def test_arguments_choose_the_whole_picture_or_a_technique() -> None:

@@ -25,13 +25,14 @@ from ssgi_cl.techniques.ao.ssao import SsaoParams
 from ssgi_cl.techniques.catalogue import TECHNIQUES
 from ssgi_cl.techniques.filters.tonemap import auto_exposure
 
-from .scenes import halves, scene_of
+from .scenes import MAPS, halves, scene_of
 
 SUN = DirectionalLight((-0.3, -1.0, -0.4), (3.0, 2.8, 2.5))
 SKY = Environment((0.4, 0.5, 0.7))
 LAMP = PointLight((0.3, 1.2, 0.4), (1.0, 0.8, 0.6))
 SPOT = SpotLight((0.2, 1.5, 0.3), (-0.1, -1.0, 0.0), 0.8, 1.0)
 LIGHTS: tuple[Light, ...] = (SUN, SKY, LAMP, SPOT)
+SLOW = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
@@ -81,51 +82,40 @@ def test_frame_holds_arrays_of_the_documented_shape_and_type(runtime: Runtime, s
     assert frame.ao.max() == 1.0
     for array in (frame.image, frame.radiance, frame.ao):
         assert array.flags.c_contiguous
-
-
-def test_passes_are_named_and_timed_in_the_order_they_ran(runtime: Runtime, small: Scene) -> None:
-    frame = render(small, viewer(), LIGHTS, bounces=0, shadow_size=128, runtime=runtime)
-    ran = names(frame)
     wanted = ["gbuffer_normals", "gtao", "shade_light", "shade_combine", "tonemap"]
-    first = [ran.index(name) for name in wanted]
+    first = [names(frame).index(name) for name in wanted]
     assert first == sorted(first)
-    assert all(p.ms >= 0.0 for p in frame.passes)
-    assert all(p.ms == 0.0 for p in frame.passes if p.skipped)
+    assert all(p.ms >= 0.0 and (p.ms == 0.0 or not p.skipped) for p in frame.passes)
     assert sum(p.ms for p in frame.passes) < frame.wall_ms
 
 
-@pytest.mark.parametrize("name", sorted(BUILTIN_SCENES))
+@pytest.mark.parametrize(
+    "name", [name if name in ("cornell_box", "terrace") else pytest.param(name, marks=SLOW) for name in BUILTIN_SCENES]
+)
 def test_builtin_scene_renders_without_holes(runtime: Runtime, name: str) -> None:
     built = BUILTIN_SCENES[name]()
-    frame = render(
-        built.scene,
-        built.camera(80, 60),
-        built.lights,
-        bounces=0,
-        ao_radius=built.ao_radius,
-        shadow_size=256,
-        runtime=runtime,
-    )
+    given: dict[str, Any] = {"ao_radius": built.ao_radius, "shadow_size": 64, "runtime": runtime}
+    frame = render(built.scene, built.camera(64, 48), built.lights, bounces=0, **given)
     assert np.isfinite(frame.radiance).all()
     assert frame.radiance.min() >= 0.0
     lit = (frame.radiance > 0.0).any(axis=-1)
-    # The Cornell box is closed, dark where only bounced light would reach; the hall has a sky.
+    # The Cornell box is closed, dark where only bounced light would reach; others have a sky.
     assert lit.mean() > 0.15
     assert frame.image.std() > 10.0
 
 
 def test_radiance_is_that_of_the_float64_references_of_the_frames_own_inputs(runtime: Runtime, small: Scene) -> None:
     camera = viewer()
-    frame = render(small, camera, LIGHTS, bounces=0, gbuffer=True, shadow_size=1024, runtime=runtime)
+    frame = render(small, camera, LIGHTS, bounces=0, gbuffer=True, shadow_size=512, runtime=runtime)
     assert frame.ao is not None
     rsms = [
-        None if isinstance(light, Environment) else gi.rasterize.rsm(small, light, size=1024, runtime=runtime)
+        None if isinstance(light, Environment) else gi.rasterize.rsm(small, light, size=512, runtime=runtime)
         for light in LIGHTS
     ]
     expected = shade_reference(frame.gbuffer, LIGHTS, shadow_maps=rsms, ao=frame.ao)
     wrong = ~(np.abs(frame.radiance - expected) <= 1e-5 * expected.max())
     # Fitted maps have other texels than whole ones. A texel at the limit of a shadow, or a point at
-    # the edge of the cone: 6 of 3072 pixels.
+    # the edge of the cone: 1 of 3072 pixels.
     assert wrong.any(axis=-1).mean() < 2e-3
     image = encoded_reference(frame.radiance, frame.exposure)
     assert np.abs(frame.image - image).max() <= 0.5 + 1e-3  # rounded to whole values
@@ -160,7 +150,7 @@ def test_ao_is_skipped_with_a_reason_where_there_is_no_ambient_light(runtime: Ru
 
 
 def test_ao_is_left_out_if_not_asked_for(runtime: Runtime, small: Scene) -> None:
-    frame = render(small, viewer(), [SKY], bounces=0, ao=False, runtime=runtime)
+    frame = render(small, viewer(), [SUN, SKY], bounces=0, ao=False, shadow_size=64, runtime=runtime)
     assert frame.ao is None
     assert frame.gbuffer is None
     assert not {"ssao", "gtao"} & {p.name for p in frame.passes}
@@ -188,7 +178,9 @@ def test_no_light_leaves_what_glows_by_itself(runtime: Runtime, small: Scene) ->
 # ---- ambient occlusion by each technique, and indirect light
 
 
-@pytest.mark.parametrize("name", ["ssao", "hbao", "gtao", "bitmask_ao"])
+@pytest.mark.parametrize(
+    "name", ["ssao", pytest.param("hbao", marks=SLOW), "gtao", pytest.param("bitmask_ao", marks=SLOW)]
+)
 def test_ao_is_that_of_the_technique_with_the_gbuffers_layers_and_margin(
     runtime: Runtime, small: Scene, name: str
 ) -> None:
@@ -209,14 +201,7 @@ def box(runtime: Runtime, **options: Any) -> Frame:
 
 
 @pytest.mark.parametrize(
-    "options",
-    [
-        {"indirect": True},
-        pytest.param({"indirect": "vpl"}, marks=pytest.mark.slow),
-        {"indirect": "vpl", "layers": 2},
-        {"indirect": "gather"},
-    ],
-    ids=str,
+    "options", [{"indirect": True}, {"indirect": "vpl", "layers": 2}, {"indirect": "gather"}], ids=str
 )
 def test_indirect_light_brightens_what_the_light_does_not_reach(
     variant_runtime: Runtime, options: dict[str, Any]
@@ -236,16 +221,9 @@ def test_indirect_light_brightens_what_the_light_does_not_reach(
 def test_indirect_light_is_that_of_vpls_shot_by_hand(runtime: Runtime, layers: int) -> None:
     frame = box(runtime, indirect="vpl", vpls=300, layers=layers, gbuffer=True)
     built = BUILTIN_SCENES["cornell_box"]()
-    by_hand = gi.vpl_splat(
-        frame.gbuffer,
-        gi.rasterize.rsm(built.scene, built.lights[0], size=128, runtime=runtime),
-        300,
-        0.0,
-        interleave=True,
-        visibility=True,
-        scene=built.scene,
-        runtime=runtime,
-    )
+    seen = gi.rasterize.rsm(built.scene, built.lights[0], size=128, runtime=runtime)
+    options: dict[str, Any] = {"interleave": True, "visibility": True, "scene": built.scene, "runtime": runtime}
+    by_hand = gi.vpl_splat(frame.gbuffer, seen, 300, 0.0, **options)
     # Maps drawn on the device and uploaded ones differ by roundings of float32.
     assert frame.indirect.mean(dtype=float) == pytest.approx(by_hand.mean(dtype=float), rel=1e-5)
 
@@ -254,18 +232,9 @@ def test_indirect_light_is_that_of_vpls_shot_by_hand(runtime: Runtime, layers: i
 def test_near_light_is_that_of_ssdo_by_hand(runtime: Runtime, layers: int, overscan: float) -> None:
     built = BUILTIN_SCENES["cornell_box"]()
     lights = [*built.lights, SKY]
-    frame = render(
-        built.scene,
-        built.camera(64, 48),
-        lights,
-        indirect="ssdo",
-        ao_radius=0.1,
-        layers=layers,
-        overscan=overscan,
-        shadow_size=128,
-        gbuffer=True,
-        runtime=runtime,
-    )
+    given: dict[str, Any] = {"indirect": "ssdo", "ao_radius": 0.1, "layers": layers, "overscan": overscan}
+    given |= {"shadow_size": 128, "gbuffer": True, "runtime": runtime}
+    frame = render(built.scene, built.camera(64, 48), lights, **given)
     assert frame.ao is None
     assert skipped(frame)["ambient occlusion"] == "ssdo hides ambient light by itself"
     rsm = gi.rasterize.rsm(built.scene, built.lights[0], size=128, runtime=runtime)
@@ -285,20 +254,19 @@ def test_near_light_is_that_of_ssdo_by_hand(runtime: Runtime, layers: int, overs
 
 
 def test_auxiliary_cameras_show_ssdo_more_that_sends_light(runtime: Runtime) -> None:
-    few, more = (box(runtime, indirect="ssdo", ao_radius=0.5, auxiliary_cameras=count) for count in (0, 2))
+    few, more, again = (box(runtime, indirect="ssdo", ao_radius=0.5, auxiliary_cameras=count) for count in (0, 2, 2))
     assert more.indirect.mean() > 1.005 * few.indirect.mean()
     assert names(more).count("ssdo_views") == 2
-    again = box(runtime, indirect="ssdo", ao_radius=0.5, auxiliary_cameras=2)
     np.testing.assert_array_equal(more.radiance, again.radiance)
 
 
 def test_indirect_light_of_several_lights_is_the_sum_of_theirs(runtime: Runtime, small: Scene) -> None:
     def bounced(lights: list[Light], way: str) -> float:
-        frame = render(small, viewer(), lights, indirect=way, vpls=4096, shadow_size=128, runtime=runtime)
+        frame = render(small, viewer(), lights, indirect=way, vpls=4096, runtime=runtime, **MAPS)
         return float(frame.indirect.mean(dtype=float))
 
-    # The samples are shared among the lights: measured 2.7 % (vpl, whose lights share shadow rays)
-    # and 3.5 % (gather).
+    # The samples are shared among the lights: measured 1.6 % (vpl, whose lights share shadow rays)
+    # and 5.0 % (gather).
     for way, share in (("multires", 0.03), ("vpl", 0.035), ("gather", 0.06)):
         alone = sum(bounced([punctual_light], way) for punctual_light in (SUN, LAMP, SPOT))
         assert bounced([SUN, SKY, LAMP, SPOT], way) == pytest.approx(alone, rel=share)
@@ -378,16 +346,6 @@ def test_steady_frames_allocate_no_device_memory_and_compile_nothing(runtime: Ru
     assert (runtime.allocated_bytes, runtime.builds) == before
 
 
-def test_a_frame_does_not_depend_on_the_frames_before(runtime: Runtime, small: Scene) -> None:
-    renderer = Renderer(runtime, (48, 64), FrameParams(bounces=0, ao=SsaoParams(radius=0.3), shadow_size=128))
-    fresh = renderer(small, viewer(), [SUN, SKY])
-    renderer(small, viewer(), [LAMP, SPOT, SUN, SKY], exposure=3.0)
-    renderer(small, viewer(), [])
-    again = renderer(small, viewer(), [SUN, SKY])
-    np.testing.assert_array_equal(fresh.radiance, again.radiance)
-    np.testing.assert_array_equal(fresh.image, again.image)
-
-
 @pytest.mark.parametrize("size", [(1, 1), (1, 40), (3, 2), (5, 3), (17, 31), (31, 17)], ids=str)
 def test_odd_sizes(variant_runtime: Runtime, small: Scene, size: tuple[int, int]) -> None:
     frame = render(
@@ -396,14 +354,6 @@ def test_odd_sizes(variant_runtime: Runtime, small: Scene, size: tuple[int, int]
     assert frame.image.shape == (*size, 3)
     assert np.isfinite(frame.radiance).all()
     assert frame.exposure == auto_exposure(frame.radiance)
-
-
-def test_every_kernel_variant_draws_the_same_picture(runtime: Runtime, variant_runtime: Runtime, small: Scene) -> None:
-    a = render(small, viewer(), LIGHTS, bounces=0, shadow_size=128, runtime=runtime)
-    b = render(small, viewer(), LIGHTS, bounces=0, shadow_size=128, runtime=variant_runtime)
-    off = np.abs(a.image.astype(int) - b.image).max(axis=-1)
-    # A value may round to the next; where a device's division is not exact an edge may move.
-    assert np.mean(off > 1) < 2e-3
 
 
 def test_far_from_the_origin_the_picture_is_the_same(runtime: Runtime, small: Scene) -> None:
@@ -436,8 +386,12 @@ def test_exposure_and_curve_are_those_given(runtime: Runtime, small: Scene) -> N
 @pytest.mark.parametrize("power", [1e-6, 1e6])
 def test_automatic_exposure_undoes_the_brightness_of_the_light(runtime: Runtime, small: Scene, power: float) -> None:
     dull = replace(small, material_ids=np.zeros(4, np.int32))
-    a = render(dull, viewer(), [SKY], bounces=0, runtime=runtime)
-    b = render(dull, viewer(), [Environment(power * np.asarray(SKY.radiance))], bounces=0, runtime=runtime)
+
+    def lit(factor: float) -> Frame:
+        lights = [DirectionalLight(SUN.direction, factor), Environment(factor * np.asarray(SKY.radiance))]
+        return render(dull, viewer(), lights, bounces=0, shadow_size=64, runtime=runtime)
+
+    a, b = lit(1.0), lit(power)
     assert np.abs(a.image.astype(int) - b.image).max() <= 1  # a value may round to the next
 
 
@@ -451,34 +405,22 @@ def test_automatic_exposure_undoes_the_brightness_of_the_light(runtime: Runtime,
         ({"camera": None}, TypeError, r"camera is None: expected an ssgi_cl.Camera"),
         ({"lights": [None]}, TypeError, r"lights\[0\] is NoneType: expected a light"),
         ({"layers": 0}, ValueError, r"layers is 0: expected an integer >= 1 and <= 16"),
-        ({"layers": 17}, ValueError, r"layers is 17"),
-        ({"layers": 1.5}, TypeError, r"layers is 1.5: expected an integer"),
         ({"overscan": -0.1}, ValueError, r"overscan is -0.1: expected a number >= 0"),
-        ({"overscan": math.nan}, ValueError, r"overscan is nan"),
         ({"shadow_size": 8}, ValueError, r"shadow_size is 8: expected an integer >= 16.*texels"),
-        ({"shadow_size": 8193}, ValueError, r"shadow_size is 8193"),
         ({"rsm_size": 8}, ValueError, r"rsm_size is 8: expected an integer >= 16.*texels"),
         ({"exposure": 0}, ValueError, r"exposure is 0: expected a number > 0"),
-        ({"exposure": "bright"}, TypeError, r"exposure is 'bright'"),
         ({"curve": "log"}, ValueError, r"curve is 'log': expected one of 'clip', 'filmic'"),
         ({"ao_radius": -1.0}, ValueError, r"radius is -1.0: expected a number > 0.*scene units"),
-        ({"ao_radius": math.inf}, ValueError, r"radius is inf"),
         ({"ao": "ssao", "ao_samples": 0}, ValueError, r"samples is 0: expected an integer >= 1"),
         ({"ao_samples": 8}, ValueError, r"ao_samples is 8: expected None with ao=True"),
-        ({"ao": "hbao", "ao_samples": 8}, ValueError, r"ao_samples is 8: .* ao='hbao'"),
         ({"ao": "yes"}, ValueError, r"ao is 'yes': expected one of 'ssao', 'hbao'"),
         ({"ao": None}, TypeError, r"ao is None: expected True, False or the name"),
         ({"indirect": "rays"}, ValueError, r"indirect is 'rays': expected one of 'multires', "),
         ({"indirect": 1}, TypeError, r"indirect is 1: expected True, False, None or the name"),
         ({"auxiliary_cameras": 4}, ValueError, r"auxiliary_cameras is 4: expected 0 with "),
-        ({"auxiliary_cameras": -1}, ValueError, r"auxiliary_cameras is -1"),
         ({"indirect": "vpl", "vpls": 0}, ValueError, r"vpls is 0: expected an integer >= 1"),
         ({"gbuffer": None}, TypeError, r"gbuffer is None: expected True or False"),
-        (
-            {"indirect": "ssdo", "multi_bounce": True},
-            ValueError,
-            r"multi_bounce is True: expected False with indirect='ssdo'",
-        ),
+        ({"indirect": "ssdo", "multi_bounce": True}, ValueError, r"multi_bounce is True: expected False with ind"),
     ],
     ids=str,
 )

@@ -1,25 +1,20 @@
-"""`method=`: published methods by name, from the library's calls to the command line."""
+"""`method=`: published methods by name."""
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
 
 import ssgi_cl as gi
-from ssgi_cl.cli.command import main
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.params import FrameParams, bounce_methods
-from ssgi_cl.io import exr
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.techniques.multires import multires_splat as multires
 from ssgi_cl.techniques.rsm import rsm_gather as gather
 
-MAP = {"shadow_size": 64, "rsm_size": 64}
+from .scenes import MAPS
 
 
 def rendered(runtime: Runtime, **options: Any) -> gi.Frame:
@@ -33,12 +28,12 @@ def rendered(runtime: Runtime, **options: Any) -> gi.Frame:
         ao=False,
         skips=False,
         outputs=("image", "indirect", "gbuffer"),
-        **MAP,
+        **MAPS,
         **options,
     )
 
 
-@pytest.mark.parametrize("indirect", ["multires", "gather"])
+@pytest.mark.parametrize("indirect", [pytest.param("multires", marks=pytest.mark.slow), "gather"])
 def test_render_gives_the_light_of_the_method_asked_for(runtime: Runtime, indirect: str) -> None:
     frame = rendered(runtime, indirect=indirect, method="published")
     own = rendered(runtime, indirect=indirect)
@@ -95,33 +90,3 @@ def test_a_method_that_the_technique_has_not_is_refused(
 ) -> None:
     with pytest.raises(ValueError, match=message):
         rendered(runtime, **options)
-
-
-def ssgi(*arguments: object) -> Result:
-    return CliRunner().invoke(main, [str(argument) for argument in arguments])
-
-
-def test_ssgi_render_has_the_method(tmp_path: Path) -> None:
-    size = ("--width", 48, "--height", 36, "--shadow-size", 64, "--rsm-size", 64)
-    for indirect, name in (("multires", "subsplat_mip"), ("gather", "rsm_published_interpolate")):
-        method = ("--indirect", indirect, "--method", "published")
-        result = ssgi("render", "cornell_box", *size, *method, "-o", tmp_path / "a.png", "--json")
-        assert result.exit_code == 0, result.output
-        assert name in {p["name"] for p in json.loads(result.stdout)["passes"]}
-    failed = ssgi("render", "cornell_box", *size, "--indirect", "gather", "--method", "paper", "-o", tmp_path / "b.png")
-    assert failed.exit_code == 1
-    assert "method is 'paper': expected one of 'unbiased', 'published'" in failed.stderr
-
-
-def test_ssgi_apply_has_the_method(tmp_path: Path, rng: np.random.Generator) -> None:
-    depth = np.kron(rng.uniform(2.0, 2.4, (3, 4)), np.ones((8, 8))).astype(np.float32)
-    exr.write(tmp_path / "in.exr", {"depth": depth})
-    for options in (["--method", "points"], ["--set", "method=points"]):
-        done = ssgi("apply", "ssdo", tmp_path / "in.exr", *options, "-o", tmp_path / f"{options[0]}.exr")
-        assert done.exit_code == 0, done.output
-    one, other = (exr.read(tmp_path / f"{name}.exr") for name in ("--method", "--set"))
-    for channel, values in one.items():
-        np.testing.assert_array_equal(values, other[channel])
-    failed = ssgi("apply", "gtao", tmp_path / "in.exr", "--method", "published", "-o", tmp_path / "b.exr")
-    assert failed.exit_code == 2
-    assert "gtao has no parameter 'method'" in failed.stderr

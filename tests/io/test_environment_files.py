@@ -100,23 +100,19 @@ def test_every_encoding_gives_the_same_radiance(tmp_path: Path, encoding: str, s
 
 
 def test_long_repetitions_take_several_codes(tmp_path: Path) -> None:
-    texels = np.tile(np.array([200, 100, 50, 130], np.uint8), (2, 70000, 1))
+    texels = np.tile(np.array([200, 100, 50, 130], np.uint8), (1, 70000, 1))
     path = picture(tmp_path / "a.hdr", texels, "repeated")
     assert path.stat().st_size < 200
-    np.testing.assert_array_equal(radiance_hdr.read(path), radiance_of(texels))
+    np.testing.assert_array_equal(radiance_hdr.read(path), np.broadcast_to(radiance_of(texels[:1, :1]), (1, 70000, 3)))
 
 
-def test_an_exponent_of_zero_is_black(tmp_path: Path) -> None:
-    texels = np.array([[[255, 255, 255, 0], [128, 0, 0, 129]]], np.uint8)
-    found = radiance_hdr.read(picture(tmp_path / "a.hdr", texels))
-    np.testing.assert_array_equal(found, [[[0, 0, 0], [1, 0, 0]]])
-
-
-def test_exposures_of_the_header_are_divided_out(tmp_path: Path) -> None:
+def test_exposures_of_the_header_are_divided_out_and_an_exponent_of_zero_is_black(tmp_path: Path) -> None:
     texels = texels_of(2, 3)
+    texels[0, 0, 3] = 0
     header = HEADER + b"EXPOSURE=4\nEXPOSURE= 0.5\n"
     found = radiance_hdr.read(picture(tmp_path / "a.hdr", texels, header=header))
     np.testing.assert_array_equal(found, radiance_of(texels) / 2.0)
+    assert found[0, 0].tolist() == [0.0, 0.0, 0.0]
 
 
 @pytest.mark.parametrize("down", ["-Y", "+Y"])
@@ -146,7 +142,7 @@ def test_mitsuba_reads_the_same(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
 def test_a_cut_file_is_refused_wherever_it_ends(tmp_path: Path, encoding: str) -> None:
-    whole = picture(tmp_path / "a.hdr", texels_of(3, 40), encoding).read_bytes()
+    whole = picture(tmp_path / "a.hdr", texels_of(2, 16), encoding).read_bytes()
     for length in range(len(whole)):
         (tmp_path / "b.hdr").write_bytes(whole[:length])
         with pytest.raises(ValueError, match=r"b\.hdr (is|has)"):
@@ -183,11 +179,8 @@ def test_openexr_of_any_size_is_read(tmp_path: Path, size: tuple[int, int]) -> N
     image = np.random.default_rng(4).random((*size, 3)).astype(np.float32)
     exr.write(tmp_path / "a.exr", {"image": image})
     np.testing.assert_array_equal(gi.Environment.load(tmp_path / "a.exr").radiance, image)
-
-
-def test_openexr_of_one_channel_is_grey(tmp_path: Path) -> None:
-    exr.write(tmp_path / "a.exr", {"image": np.full((2, 3), 0.25)})
-    np.testing.assert_array_equal(gi.Environment.load(tmp_path / "a.exr").radiance, 0.25)
+    exr.write(tmp_path / "grey.exr", {"image": image[..., 0]})
+    np.testing.assert_array_equal(gi.Environment.load(tmp_path / "grey.exr").radiance, image[..., :1].repeat(3, -1))
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, -0.5, 2e38])
@@ -217,7 +210,7 @@ def test_files_of_no_known_kind_or_that_are_missing(tmp_path: Path) -> None:
 
 
 def rendered(tmp_path: Path, *options: str) -> NDArray[np.float32]:
-    size = ["--width", "40", "--height", "30"]
+    size = ["--width", "40", "--height", "30", "--bounces", "0"]
     done = CliRunner().invoke(
         main, ["render", "cornell_box", "-o", str(tmp_path / "out.exr"), *size, "--json", *options]
     )

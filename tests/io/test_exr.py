@@ -49,12 +49,6 @@ def test_what_is_written_is_read_back_to_the_bit(tmp_path: Path, rows: int, colu
         np.testing.assert_array_equal(together, arrays[name])
     np.testing.assert_array_equal(channels["Z"], arrays["depth"])
     np.testing.assert_array_equal(channels["ao"], arrays["ao"])
-    assert [path.name for path in tmp_path.iterdir()] == ["a.exr"]
-
-
-def test_a_gbuffer_comes_back_to_the_bit(tmp_path: Path) -> None:
-    arrays = arrays_of(17, 31)
-    exr.write(tmp_path / "a.exr", arrays)
     found = exr.read_gbuffer(tmp_path / "a.exr")
     assert found.pop("notes")[0] == "depth is read from Z"
     assert sorted(found) == ["albedo", "depth", "emission", "normal"]
@@ -62,26 +56,17 @@ def test_a_gbuffer_comes_back_to_the_bit(tmp_path: Path) -> None:
         np.testing.assert_array_equal(array, arrays[name])
         assert array.dtype == np.float32
         assert array.flags.c_contiguous
-    assert np.isposinf(found["depth"][0, 0])
+    assert [path.name for path in tmp_path.iterdir()] == ["a.exr"]
 
 
-def test_infinities_and_nan_are_kept(tmp_path: Path) -> None:
-    odd = np.array([[np.inf, -np.inf, np.nan, 3e38, 1e-45]], np.float32)
-    exr.write(tmp_path / "a.exr", {"odd": odd})
-    np.testing.assert_array_equal(exr.read(tmp_path / "a.exr")["odd"], odd)
-
-
-def test_views_with_strides_are_written_right(tmp_path: Path) -> None:
-    wide = np.arange(20 * 30, dtype=np.float32).reshape(20, 30)
-    exr.write(tmp_path / "a.exr", {"depth": wide[::-2, ::3], "turned": wide.T[:10, :10]})
+def test_infinities_nan_and_views_with_strides_are_kept(tmp_path: Path) -> None:
+    odd = np.array([[np.inf, -np.inf, np.nan, 3e38, 1e-45]] * 10, np.float32)
+    wide = np.arange(20 * 15, dtype=np.float32).reshape(20, 15)
+    exr.write(tmp_path / "a.exr", {"odd": odd, "depth": wide[::-2, ::3], "turned": wide.T[:10, :5]})
     channels = exr.read(tmp_path / "a.exr")
+    np.testing.assert_array_equal(channels["odd"], odd)
     np.testing.assert_array_equal(channels["Z"], wide[::-2, ::3])
-    np.testing.assert_array_equal(channels["turned"], wide.T[:10, :10])
-
-
-def test_one_channel_of_a_nameless_image_is_luminance(tmp_path: Path) -> None:
-    exr.write(tmp_path / "a.exr", {"": np.ones((2, 3, 1))})
-    assert list(exr.read(tmp_path / "a.exr")) == ["Y"]
+    np.testing.assert_array_equal(channels["turned"], wide.T[:10, :5])
 
 
 def test_half_becomes_single_and_integers_stay(tmp_path: Path) -> None:
@@ -92,6 +77,8 @@ def test_half_becomes_single_and_integers_stay(tmp_path: Path) -> None:
     assert channels["Z"].dtype == np.float32
     np.testing.assert_array_equal(channels["Z"], half.astype(np.float32))
     np.testing.assert_array_equal(channels["id"], ids)
+    exr.write(tmp_path / "b.exr", {"": np.ones((2, 3, 1))})  # a nameless image of one channel is luminance
+    assert list(exr.read(tmp_path / "b.exr")) == ["Y"]
 
 
 @pytest.mark.parametrize(
@@ -160,12 +147,9 @@ def test_a_wrong_mapping_is_explained(tmp_path: Path, mapping: dict[str, str | t
         exr.read_gbuffer(tmp_path / "a.exr", mapping)
 
 
-def test_a_missing_file_is_named(tmp_path: Path) -> None:
+def test_a_missing_file_is_named_and_a_folder_not_read(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match=r"none\.exr"):
         exr.read(tmp_path / "none.exr")
-
-
-def test_a_folder_is_not_read(tmp_path: Path) -> None:
     with pytest.raises(IsADirectoryError):
         exr.read(tmp_path)
 
@@ -177,17 +161,11 @@ def test_what_is_no_exr_file_is_refused(tmp_path: Path, content: bytes) -> None:
         exr.read(tmp_path / "a.exr")
 
 
-@pytest.mark.parametrize("part", [0.0001, 0.001, 0.01, 0.5, 0.99])
+@pytest.mark.parametrize("part", [0.0001, 0.001, 0.01, 0.5, 0.99, 0.999999])
 def test_a_file_cut_short_is_refused(damaged: Path, part: float) -> None:
     content = damaged.read_bytes()
     damaged.write_bytes(content[: max(5, int(len(content) * part))])
     with pytest.raises(ValueError, match=r"a\.exr is damaged or cut short"):
-        exr.read(damaged)
-
-
-def test_a_file_without_its_last_byte_is_refused(damaged: Path) -> None:
-    damaged.write_bytes(damaged.read_bytes()[:-1])
-    with pytest.raises(ValueError, match="damaged or cut short"):
         exr.read(damaged)
 
 
@@ -213,35 +191,26 @@ def regional(path: Path, left: int, top: int, right: int, bottom: int) -> None:
     put_window(path, "displayWindow", (-left, -top, 5 + right, 3 + bottom))
 
 
-def claiming(path: Path, *window: int) -> None:
-    """Write 4 x 6 pixels of two channels whose data window is said to be another."""
-    exr.write(path, dict.fromkeys(("depth", "ao"), np.arange(24).reshape(4, 6)))
-    put_window(path, "dataWindow", window)
-
-
-@pytest.mark.parametrize("window", [(0, 3, 5, 0), (5, 0, 0, 3), (5, 3, 0, 0)])
-def test_a_window_that_ends_before_it_begins_is_refused(tmp_path: Path, window: tuple[int, int, int, int]) -> None:
-    claiming(tmp_path / "a.exr", *window)
-    with pytest.raises(ValueError, match=r"a\.exr is damaged: its window runs from column"):
+@pytest.mark.parametrize(
+    ("window", "message"),
+    [
+        *((window, r"a\.exr is damaged: its window runs from column")
+          for window in ((0, 3, 5, 0), (5, 0, 0, 3), (5, 3, 0, 0))),
+        ((0, 0, (1 << 24) - 1, 3), "16777216 x 4 pixels of 2 channels can't lie in"),
+    ],
+)  # fmt: skip
+def test_a_file_that_claims_another_window_is_refused(tmp_path: Path, window: Sequence[int], message: str) -> None:
+    exr.write(tmp_path / "a.exr", dict.fromkeys(("depth", "ao"), np.arange(24).reshape(4, 6)))
+    put_window(tmp_path / "a.exr", "dataWindow", window)
+    with pytest.raises(ValueError, match=message):
         exr.read(tmp_path / "a.exr")
-
-
-def test_a_small_file_that_claims_to_be_very_wide_is_refused(tmp_path: Path) -> None:
-    claiming(tmp_path / "a.exr", 0, 0, (1 << 24) - 1, 3)
-    with pytest.raises(ValueError, match="16777216 x 4 pixels of 2 channels can't lie in"):
-        exr.read(tmp_path / "a.exr")
-
-
-def test_overscan_is_read_with_its_margin(tmp_path: Path) -> None:
-    regional(tmp_path / "a.exr", -2, -1, -2, -1)
-    np.testing.assert_array_equal(
-        exr.read(tmp_path / "a.exr")["Z"], np.arange(24, dtype=np.float32).reshape(4, 6) + 1.0
-    )
 
 
 @pytest.mark.parametrize("window", [(1, 0, 0, 0), (0, 0, 0, 2), (-1, 0, 0, 0), (1, 1, 1, 1)])
 def test_other_windows_need_a_camera_of_the_data_window(tmp_path: Path, window: tuple[int, int, int, int]) -> None:
     path = tmp_path / "a.exr"
+    regional(path, -2, -1, -2, -1)  # overscan is read with its margin
+    np.testing.assert_array_equal(exr.read(path)["Z"], np.arange(24).reshape(4, 6) + 1.0)
     regional(path, *window)
     header = read_header(path)
     left, top, right, bottom = header.display
@@ -261,11 +230,8 @@ def test_windows_are_written_and_read_back(tmp_path: Path) -> None:
     assert (header.data, header.display, header.size) == (data, display, (4, 6))
     with pytest.raises(ValueError, match="expected a window of 6 columns and 4 rows"):
         exr.write(tmp_path / "a.exr", {"depth": np.ones((4, 6))}, data=(0, 0, 6, 3))
-
-
-def test_an_array_of_another_size_is_not_added(damaged: Path) -> None:
-    with pytest.raises(ValueError, match=r"ao has 4 rows and 6 columns: expected 64 x 48"):
-        exr.add(damaged, {"ao": np.ones((4, 6))})
+    with pytest.raises(ValueError, match=r"ao has 6 rows and 4 columns: expected 4 x 6"):
+        exr.add(tmp_path / "a.exr", {"ao": np.ones((6, 4))})
 
 
 @pytest.mark.parametrize("kind", [name for name in dir(OpenEXR) if name.startswith("HTJ2K")])
@@ -294,30 +260,13 @@ def test_an_unknown_compression_is_named(damaged: Path) -> None:
         ({"ao": np.zeros((2, 2, 2))}, r"ao has shape \(2, 2, 2\)"),
         ({"a": np.zeros((2, 2)), "b": np.zeros((2, 3))}, "b has 2 rows and 3 columns"),
         ({"depth": np.zeros((2, 2)), "Z": np.zeros((2, 2))}, "'Z', which is taken"),
+        ({"depth": np.zeros((2, 2), complex)}, "depth has dtype complex"),
     ],
 )
 def test_wrong_arrays_are_refused(tmp_path: Path, arrays: Arrays, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises((ValueError, TypeError), match=message):
         exr.write(tmp_path / "a.exr", arrays)
     assert not list(tmp_path.iterdir())
-
-
-def test_complex_numbers_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(TypeError, match="depth has dtype complex"):
-        exr.write(tmp_path / "a.exr", {"depth": np.zeros((2, 2), complex)})
-
-
-def test_a_missing_folder_is_named(tmp_path: Path) -> None:
-    with pytest.raises(FileNotFoundError, match="nowhere"):
-        exr.write(tmp_path / "nowhere" / "a.exr", {"depth": np.ones((2, 2))})
-    assert not list(tmp_path.iterdir())
-
-
-def test_a_folder_is_not_replaced(tmp_path: Path) -> None:
-    (tmp_path / "folder.exr").mkdir()
-    with pytest.raises(IsADirectoryError, match=r"folder\.exr"):
-        exr.write(tmp_path / "folder.exr", {"depth": np.ones((2, 2))})
-    assert [path.name for path in tmp_path.iterdir()] == ["folder.exr"]
 
 
 def test_a_writer_that_fails_leaves_the_old_file(damaged: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,5 +1,8 @@
-"""PNG files."""
+"""PNG files, and pictures of a G-buffer's arrays."""
 
+from __future__ import annotations
+
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -7,29 +10,23 @@ import pytest
 from PIL import Image
 
 from ssgi_cl.core import atomic
-from ssgi_cl.io import png
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.io import exr, png
+from ssgi_cl.io.previews import depth_view, gbuffer_views, levels_view, normal_view, share_view
+
+STRIDES = (slice(None, None, -2), slice(None, None, 3))
 
 
+@pytest.mark.parametrize("part", [(), STRIDES])
 @pytest.mark.parametrize("shape", [(1, 1), (1, 1, 3), (17, 31), (17, 31, 3)])
-def test_what_is_written_is_read_back(tmp_path: Path, shape: tuple[int, ...]) -> None:
-    image = np.random.default_rng(1).integers(0, 256, shape, dtype=np.uint8)
-    png.write(tmp_path / "a.png", image)
-    with Image.open(tmp_path / "a.png") as picture:
+def test_what_is_written_is_read_back(tmp_path: Path, shape: tuple[int, ...], part: tuple[slice, ...]) -> None:
+    image = np.random.default_rng(1).integers(0, 256, shape, dtype=np.uint8)[part]
+    png.write(str(tmp_path / "a picture"), image)  # the name needs no suffix
+    with Image.open(tmp_path / "a picture") as picture:
         assert picture.format == "PNG"
         np.testing.assert_array_equal(np.asarray(picture), image)
-    assert [path.name for path in tmp_path.iterdir()] == ["a.png"]
-
-
-def test_a_view_with_strides_is_written_right(tmp_path: Path) -> None:
-    image = np.arange(6 * 8 * 3, dtype=np.uint8).reshape(6, 8, 3)[::-2, ::3]
-    png.write(tmp_path / "a.png", image)
-    with Image.open(tmp_path / "a.png") as picture:
-        np.testing.assert_array_equal(np.asarray(picture), image)
-
-
-def test_the_name_needs_no_suffix(tmp_path: Path) -> None:
-    png.write(str(tmp_path / "picture"), np.zeros((2, 2), np.uint8))
-    assert (tmp_path / "picture").read_bytes().startswith(b"\x89PNG")
+    assert [path.name for path in tmp_path.iterdir()] == ["a picture"]
 
 
 def test_floats_are_refused(tmp_path: Path) -> None:
@@ -44,17 +41,14 @@ def test_a_wrong_shape_is_refused(tmp_path: Path, shape: tuple[int, ...]) -> Non
     assert not list(tmp_path.iterdir())
 
 
-def test_a_missing_folder_is_named(tmp_path: Path) -> None:
-    target = tmp_path / "nowhere" / "a.png"
-    with pytest.raises(FileNotFoundError, match="nowhere"):
-        png.write(target, np.zeros((2, 2), np.uint8))
-    assert not list(tmp_path.iterdir())
-
-
-def test_a_folder_is_not_replaced(tmp_path: Path) -> None:
+@pytest.mark.parametrize("write", [png.write, lambda path, image: exr.write(path, {"depth": image})])
+def test_missing_folders_and_folders_are_refused(tmp_path: Path, write: Callable[..., None]) -> None:
+    image = np.zeros((2, 2), np.uint8)
     (tmp_path / "folder").mkdir()
+    with pytest.raises(FileNotFoundError, match="nowhere"):
+        write(tmp_path / "nowhere" / "a", image)
     with pytest.raises(IsADirectoryError, match="folder"):
-        png.write(tmp_path / "folder", np.zeros((2, 2), np.uint8))
+        write(tmp_path / "folder", image)
     assert [path.name for path in tmp_path.iterdir()] == ["folder"]
 
 
@@ -79,15 +73,64 @@ def test_a_writer_that_fails_leaves_the_old_file(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["a.png"]
 
 
-def test_a_link_is_followed(tmp_path: Path) -> None:
-    (tmp_path / "real.png").write_bytes(b"old")
+def test_a_link_is_followed_and_a_new_file_has_the_usual_permissions(tmp_path: Path) -> None:
+    (tmp_path / "plain").touch()
     (tmp_path / "link.png").symlink_to("real.png")
     png.write(tmp_path / "link.png", np.zeros((2, 2), np.uint8))
     assert (tmp_path / "link.png").is_symlink()
     assert (tmp_path / "real.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "real.png").stat().st_mode == (tmp_path / "plain").stat().st_mode
 
 
-def test_a_new_file_has_the_usual_permissions(tmp_path: Path) -> None:
-    (tmp_path / "plain").touch()
-    png.write(tmp_path / "a.png", np.zeros((2, 2), np.uint8))
-    assert (tmp_path / "a.png").stat().st_mode == (tmp_path / "plain").stat().st_mode
+def test_nearest_is_white_furthest_dark_grey_and_nothing_black() -> None:
+    depth = np.array([[1.0, 2.0, 4.0, np.inf]], np.float32)
+    view = depth_view(depth)
+    assert view.dtype == np.uint8
+    assert view[0].tolist()[0] == 255
+    assert view[0].tolist()[2:] == [40, 0]
+    assert 40 < view[0, 1] < 255
+
+
+@pytest.mark.parametrize("depth", [np.inf, 1e-30, 7.0, 1e30])
+def test_any_depth_seen_straight_on_is_one_grey_without_a_warning(depth: float) -> None:
+    view = depth_view(np.full((3, 4), depth, np.float32))
+    assert view.shape == (3, 4)
+    assert np.unique(view).size == 1
+    assert (view[0, 0] >= 40) == np.isfinite(depth)
+    assert depth_view(np.zeros((0, 4), np.float32)).shape == (0, 4)
+
+
+def test_depth_of_an_orthographic_camera_may_be_zero_or_less() -> None:
+    view = depth_view(np.array([[-1.0, 0.0, 1.0, 2.0]], np.float32))
+    assert (np.diff(view[0].astype(int)) < 0).all(), "nearer is not brighter"
+
+
+def test_normals_go_from_0_to_255_and_nothing_is_mid_grey() -> None:
+    normal = np.array([[[-1.0, 0.0, 1.0], [2.0, -2.0, 0.0]]], np.float32)
+    assert normal_view(normal).tolist() == [[[0, 128, 255], [255, 0, 128]]]
+
+
+def test_shares_are_linear_and_clipped() -> None:
+    share = np.array([[0.0, 0.2, 1.0, 1.5, -1.0]], np.float32)
+    assert share_view(share).tolist() == [[0, 51, 255, 255, 0]]
+
+
+def full_gbuffer(**arrays: np.ndarray) -> GBuffer:
+    camera = Camera.look_at((0, 0, 0), (0, 0, -1), width=4, height=2)
+    return GBuffer(camera=camera, depth=np.full((4, 6), 2.0, np.float32), **arrays)
+
+
+def test_levels_have_a_colour_each_and_what_is_interpolated_none() -> None:
+    steps = np.array([[16, 8, 4], [2, 1, 0]], np.int32)
+    view = levels_view(steps)
+    assert len({tuple(colour) for colour in view.reshape(-1, 3).tolist()}) == 6
+    np.testing.assert_array_equal(view[1, 2], 0)
+
+
+def test_gbuffer_views_show_what_is_there_without_its_margin() -> None:
+    views = gbuffer_views(full_gbuffer())
+    assert {name: view.shape for name, view in views.items()} == {"depth": (2, 4)}
+    normal = np.broadcast_to(np.float32([0, 0, 1]), (4, 6, 3))
+    views = gbuffer_views(full_gbuffer(normal=normal, albedo=np.full((4, 6, 3), 0.5, np.float32)))
+    assert views["normal"][0, 0].tolist() == [128, 128, 255]
+    assert views["albedo"][0, 0].tolist() == [186, 186, 186]  # 255 * 0.5^(1 / 2.2) = 186.08

@@ -44,21 +44,16 @@ def run_expressions(
     tables, planes, values = tables or {}, planes or {}, values or {}
     kind = {"vfloat": "float", "vint": "int"}[returns]
 
+    memory = {**tables, **{f"all_{name}": np.pad(own, (0, whole - count), "edge") for name, own in inputs.items()}}
     arguments = [f"ssgi_plane {name}" for name in planes]
-    arguments += [f"__global const {_SCALARS[table.dtype.kind]} *restrict {name}" for name, table in tables.items()]
-    arguments += [
-        f"__global const {_SCALARS[numbers.dtype.kind]} *restrict all_{name}" for name, numbers in inputs.items()
-    ]
+    arguments += [f"__global const {_SCALARS[own.dtype.kind]} *restrict {name}" for name, own in memory.items()]
     # Not in the text, so that a program is built once for lists of any length.
     arguments += [f"__global {kind} *restrict result", "const int2 size", "const int whole"]
     arguments += [f"const {struct.name} {name}" for name, (struct, _) in values.items()]
     body = ["const int first = (int)get_global_id(0) * SSGI_LANES;"]
     for name, numbers in inputs.items():
-        is_float = numbers.dtype.kind == "f"
-        body.append(
-            f"const {'vfloat' if is_float else 'vint'} {name} = "
-            f"{'v_load' if is_float else 'v_iload'}(all_{name} + first);"
-        )
+        vector, load = {"f": ("vfloat", "v_load"), "i": ("vint", "v_iload")}[numbers.dtype.kind]
+        body.append(f"const {vector} {name} = {load}(all_{name} + first);")
     store = {"vfloat": "v_store", "vint": "v_istore"}[returns]
     body += [
         f"{store}({expression}, result + {index} * whole + first);"
@@ -68,9 +63,6 @@ def run_expressions(
     kernel = runtime.kernel_from_text("expression", text + "\n}\n", structs=[struct for struct, _ in values.values()])
     result = runtime.empty(whole * len(expressions), np.float32 if kind == "float" else np.int32)
     size = next(iter(planes.values())).size if planes else (1, whole)
-    padded = [np.pad(numbers, (0, whole - count), "edge") for numbers in inputs.values()]
-    names = [*tables, *(f"all_{name}" for name in inputs)]
-    arrays = [runtime.array(numbers) for numbers in [*tables.values(), *padded]]
     kernel.run(
         size,
         grid=(1, whole // runtime.variant.lanes),
@@ -78,13 +70,8 @@ def run_expressions(
         result=result,
         whole=whole,
         **planes,
-        **dict(zip(names, arrays, strict=True)),
+        **{name: runtime.array(own) for name, own in memory.items()},
         **{name: value for name, (_, value) in values.items()},
     )
     rows = result.download().reshape(len(expressions), whole)[:, :count]
     return dict(zip(expressions, rows, strict=True))
-
-
-def run_expression(runtime: Runtime, include: str, expression: str, **rest: Any) -> NDArray[Any]:
-    """Return what one expression gives; see `run_expressions`."""
-    return run_expressions(runtime, include, {expression: expression}, **rest)[expression]

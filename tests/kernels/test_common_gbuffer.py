@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ssgi_cl.device.arrays import GUARD, Plane, Size
 from ssgi_cl.device.runtime import Runtime
 
-from .expression import run_expression, run_expressions
+from .expression import run_expressions
 
 PLANES = "common/gbuffer.clh"
 SIZES = [(1, 1), (3, 15), (2, 16), (2, 17), (17, 31), (5, 64)]
@@ -62,20 +62,17 @@ def memory_of(plane: Plane) -> NDArray[np.float32]:
 
 
 @pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("count", [1, 3])
-def test_loads_give_the_outside_value_up_to_the_guard_on_both_sides(
-    every_variant: Runtime, count: int, size: Size
-) -> None:
-    plane, values = filled(every_variant, count, size)
+def test_loads_give_the_outside_value_up_to_the_guard_on_both_sides(every_variant: Runtime, size: Size) -> None:
+    plane, values = filled(every_variant, 3, size)
     lanes = every_variant.variant.lanes
     rows, columns = size
     starts = columns + 2 * GUARD - lanes + 1
-    result = every_variant.empty(count * rows * starts * lanes, np.float32)
+    result = every_variant.empty(3 * rows * starts * lanes, np.float32)
     kernel = every_variant.kernel_from_text("load", LOAD)
-    kernel.run(size, grid=(count * rows, starts), local=(1, 1), plane=plane, result=result, starts=starts)
+    kernel.run(size, grid=(3 * rows, starts), local=(1, 1), plane=plane, result=result, starts=starts)
     wide = np.pad(values, ((0, 0), (0, 0), (GUARD, GUARD)), constant_values=OUTSIDE)
     expected = np.lib.stride_tricks.sliding_window_view(wide, lanes, axis=2)
-    np.testing.assert_array_equal(result.download().reshape(count, rows, starts, lanes), expected)
+    np.testing.assert_array_equal(result.download().reshape(3, rows, starts, lanes), expected)
 
 
 @pytest.mark.parametrize("size", [*SIZES, TALL])
@@ -83,25 +80,24 @@ def test_gathers_read_any_pixel_of_any_image(every_variant: Runtime, size: Size,
     plane, values = filled(every_variant, 3, size)
     x = rng.integers(0, size[1], 100).astype(np.int32)
     y = rng.integers(0, size[0], 100).astype(np.int32)
-    read = run_expressions(
-        every_variant,
-        PLANES,
-        {str(image): f"ssgi_gather(plane, size, {image}, x, y)" for image in range(3)},
-        planes={"plane": plane},
-        x=x,
-        y=y,
-    )
+    expressions = {str(image): f"ssgi_gather(plane, size, {image}, x, y)" for image in range(3)}
+    expressions["index"] = "v_splat((float)(ssgi_index(size, 1, 2, 3) + SSGI_GUARD))"
+    read = run_expressions(every_variant, PLANES, expressions, planes={"plane": plane}, x=x, y=y)
     for image in range(3):
         np.testing.assert_array_equal(read[str(image)], values[image, y, x])
+    # The pitch is that of the host.
+    assert (read["index"] == (size[0] + 3 + 1) * plane.pitch + 2 + GUARD).all()
 
 
 @pytest.mark.parametrize("size", [*SIZES, TALL])
 def test_stores_leave_the_guard_as_it_is(every_variant: Runtime, size: Size) -> None:
     plane, values = filled(every_variant, 2, size)
-    result = every_variant.plane(2, size, OUTSIDE)
+    values[0, 0, 0] = values[1, -1, -1] = np.inf  # infinities pass through, inside and outside
+    plane.upload(values)
+    result = every_variant.plane(2, size, np.inf)
     kernel = every_variant.kernel_from_text("store", STORE)
-    kernel.run(size, plane=plane, result=result, images=2, outside=OUTSIDE)
-    expected = np.full((2 * size[0] + 2, result.pitch), OUTSIDE, np.float32)
+    kernel.run(size, plane=plane, result=result, images=2, outside=np.inf)
+    expected = np.full((2 * size[0] + 2, result.pitch), np.inf, np.float32)
     expected[1:-1, : size[1]] = (values + 1.0).reshape(-1, size[1])
     np.testing.assert_array_equal(memory_of(result), expected)
     np.testing.assert_array_equal(result.download(), values + 1.0)
@@ -120,28 +116,3 @@ def test_what_a_kernel_wrote_is_what_the_next_one_reads(every_variant: Runtime) 
     plane.upload(values)
     kernel.run((3, 20), plane=plane, result=other, **last)
     np.testing.assert_array_equal(other.download(), values + 1.0)
-
-
-def test_infinities_pass_through(every_variant: Runtime) -> None:
-    values = np.array([[[np.inf, 1.0, np.inf], [2.0, np.inf, 3.0]]], np.float32)
-    plane = every_variant.plane(1, (2, 3), np.inf)
-    plane.upload(values)
-    result = every_variant.plane(1, (2, 3), np.inf)
-    kernel = every_variant.kernel_from_text("store", STORE)
-    kernel.run((2, 3), plane=plane, result=result, images=1, outside=np.inf)
-    np.testing.assert_array_equal(result.download(), values + 1.0)
-    assert np.isinf(memory_of(result)[0]).all()
-
-
-def test_pitch_and_index_are_those_of_the_host(every_variant: Runtime) -> None:
-    for size in SIZES:
-        plane = every_variant.plane(2, size)
-        found = run_expression(
-            every_variant,
-            PLANES,
-            "v_splat_int(ssgi_index(size, 1, 2, 3) + SSGI_GUARD)",
-            returns="vint",
-            planes={"plane": plane},
-            x=np.zeros(1, np.float32),
-        )
-        assert found[0] == (size[0] + 3 + 1) * plane.pitch + 2 + GUARD

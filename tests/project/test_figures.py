@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import re
 import xml.etree.ElementTree as ET
@@ -78,10 +79,21 @@ def test_no_published_verdict_contradicts_a_row(name: str) -> None:
 
 @pytest.mark.parametrize("name", list(figures.PLANS))
 def test_marks_of_the_recorded_front_are_those_of_its_rows(name: str) -> None:
-    found = pages.recorded(ROOT, name)
-    before = [(r["front"], r["near"]) for r in found["results"]]
-    mark(found["results"])
-    assert [(r["front"], r["near"]) for r in found["results"]] == before
+    def marks(results: list[dict[str, Any]]) -> list[tuple[bool, bool]]:
+        mark(results)
+        return [(result["front"], result["near"]) for result in results]
+
+    found = pages.recorded(ROOT, name)["results"]
+    kept = [(result["front"], result["near"]) for result in found]
+    # Marks are made before numbers are cut to five digits: of two rows that are equal in these, either may be less.
+    for place in [i for i, (made, there) in enumerate(zip(marks(found), kept, strict=True)) if made != there]:
+        either = []
+        for ms, error in ((1.0, 1.0 - 1e-9), (1.0, 1.0 + 1e-9), (1.0 - 1e-9, 1.0), (1.0 + 1e-9, 1.0)):
+            exact = copy.deepcopy(found)
+            exact[place]["wall_ms"]["median"] *= ms
+            exact[place]["errors"]["world"]["rmse"] *= error
+            either.append(marks(exact)[place])
+        assert kept[place] in either, found[place]["name"]
 
 
 def test_all_documents_are_of_one_revision_and_machine() -> None:
@@ -102,24 +114,6 @@ def test_bias_of_visibility_is_measured_on_all_built_in_scenes_and_views() -> No
 
 
 # ---- how it is made
-
-
-def test_a_page_that_differs_from_the_json_is_found(tmp_path: Path) -> None:
-    for name in ("README.md", "docs/indirect.md"):
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).write_text(
-            "before\n<!-- figures:techniques -->\nold\n<!-- end -->\nafter\n", encoding="utf-8"
-        )
-    for name in figures.PLANS:
-        found = whole(entry("gtao.2x9.hall.8x6", 3.0, 0.07))
-        figures.write(tmp_path, name, found)
-    blocks = pages.blocks(pages.recorded(tmp_path, "benchmark"), pages.recorded(tmp_path, "indirect"))
-    text = pages.filled((tmp_path / "README.md").read_text(encoding="utf-8"), blocks)
-    assert text.startswith("before\n<!-- figures:techniques -->\n| call |")
-    assert text.endswith("<!-- end -->\nafter\n")
-    assert "cosine-weighted |  | 3.00 | 0.0700 |\n|  |  | 2 layers | - | - |" in text
-    assert pages.filled(text, blocks) == text
-    assert "old" not in text
 
 
 def test_a_block_that_there_is_none_of_is_refused() -> None:

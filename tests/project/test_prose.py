@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import importlib
-import io
 import re
 import subprocess
 import sys
-import tokenize
 from collections.abc import Collection
 from pathlib import Path
 
@@ -26,6 +24,14 @@ PAGES = sorted(
 )
 
 NAME = r"[A-Za-z_]\w*"
+TRIPLE = r'"""(?:\\.|[^\\])*?"""'
+PYTHON = re.compile(
+    rf"(?P<said>^[ ]*{TRIPLE}|#[^\n]*)|(?P<string>{TRIPLE}|'''.*?'''"
+    r'|"(?:\\.|[^"\\\n])*"'
+    r"|'(?:\\.|[^'\\\n])*')",
+    re.MULTILINE | re.DOTALL,
+)
+"""Comments, docstrings and other strings of Python."""
 LINK = re.compile(r"(?<!`)!?\[[^\]]*\]\(([^)\s]+)\)")
 
 
@@ -43,11 +49,8 @@ def said_and_code(name: str) -> tuple[str, str]:
         return "\n".join(comment.findall(content)), comment.sub(" ", content)
     if not name.endswith(".py"):
         return "", content
-    parts: tuple[list[str], list[str]] = [], []
-    for token in tokenize.generate_tokens(io.StringIO(content).readline):
-        docstring = token.type == tokenize.STRING and token.line.lstrip().startswith('"""')
-        parts[not (docstring or token.type == tokenize.COMMENT)].append(token.string)
-    return "\n".join(parts[0]), " ".join(parts[1])
+    said = "\n".join(match["said"] for match in PYTHON.finditer(content) if match["said"])
+    return said, PYTHON.sub(lambda match: match["string"] or " ", content)
 
 
 def resolves(name: str) -> bool:
@@ -78,8 +81,8 @@ def absent(said: str, *, kernel: bool, files: Collection[str], words: Collection
     }
     missing |= {name for name in re.findall(rf"`(ssgi_cl(?:\.{NAME})+)`", said) if not resolves(name)}
     paths = re.findall(r"(?<![\w./<{*-])(\w[\w-]*/[\w./-]+\.(?:py|cl|clh|md|sh|json|toml))\b", said)
-    ends = {path[start:] for path in files for start in (0, *(i + 1 for i, c in enumerate(path) if c == "/"))}
-    missing |= {path for path in paths if path not in ends and not re.search(r"\b(test_)?[A-Z]+\b", path)}
+    lines = "".join(f"/{path}\n" for path in files)
+    missing |= {path for path in paths if f"/{path}\n" not in lines and not re.search(r"\b(test_)?[A-Z]+\b", path)}
     return sorted(missing)
 
 

@@ -2,14 +2,28 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
+import pytest
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.rasterize import gbuffer
+from ssgi_cl.rasterize.scenes import make_scene
+
+made = cache(make_scene)
+"""A built-in or generated scene, made once for all tests."""
+
+
+def slow_but(name: str, *fast: str) -> Any:
+    """Return a parameter that is for the slow tests, unless it is one of these."""
+    return pytest.param(name, marks=[pytest.mark.slow] * (name not in fast))
+
 
 WIDTH, HEIGHT = 240, 180
 FLOOR = ((-6, -1, 1), (6, -1, 1), (6, -1, -12), (-6, -1, -12))
@@ -65,6 +79,11 @@ def ahead(width: int = WIDTH, height: int = HEIGHT, **more: float) -> Camera:
 
 def depth_of(result: GBuffer) -> NDArray[np.float32]:
     return np.asarray(result.depth)
+
+
+def front_depth(scene: Scene, camera: Camera, runtime: Runtime) -> NDArray[np.float32]:
+    """Return the depth [rows, columns] that a camera sees."""
+    return depth_of(gbuffer(scene, camera, runtime=runtime))
 
 
 def there(result: GBuffer) -> NDArray[np.bool_]:

@@ -47,33 +47,20 @@ def plane_depth(camera: Camera, normal: ArrayLike, offset: float) -> Doubles:
 
 
 @pytest.mark.parametrize("shared", [True, False], ids=["shared vertices", "own vertices"])
-@pytest.mark.parametrize("cells", [3, 40, 400], ids=["large", "small", "below a pixel"])
-def test_a_tessellated_plane_has_no_hole(runtime: Runtime, rng: np.random.Generator, cells: int, shared: bool) -> None:
+@pytest.mark.parametrize(("cells", "zoom"), [(3, 1), (40, 1), (100, 4)], ids=["large", "small", "below a pixel"])
+def test_a_tessellated_plane_has_no_hole(
+    runtime: Runtime, rng: np.random.Generator, cells: int, zoom: int, shared: bool
+) -> None:
     points = jittered_plane(rng, cells, half=4.0, depth=2.0)
     triangles = sheet(points)
     flat = points.reshape(-1, 3)
     if not shared:
         flat, triangles = flat[triangles.ravel()], np.arange(triangles.size).reshape(-1, 3)
-    result = gbuffer(scene_of(flat, triangles), ahead(), layers=2, runtime=runtime)
+    result = gbuffer(scene_of(flat, triangles), ahead(WIDTH // zoom, HEIGHT // zoom), layers=2, runtime=runtime)
     front, behind = depth_of(result)
     # All vertices lie at exactly this depth; the plane through them is off by a rounding.
     np.testing.assert_allclose(front, 2.0, rtol=5e-7)
     assert not np.isfinite(behind).any()
-
-
-def test_a_tessellated_sphere_seen_from_within_has_no_hole(runtime: Runtime, rng: np.random.Generator) -> None:
-    polar = np.linspace(0.0, np.pi, 61)[:, None]
-    azimuth = np.linspace(0.0, 2.0 * np.pi, 121)[None, :]
-    points = np.stack(
-        [np.sin(polar) * np.cos(azimuth), np.cos(polar) + 0.0 * azimuth, np.sin(polar) * np.sin(azimuth)], axis=-1
-    )
-    points *= rng.uniform(0.9, 1.1, (61, 121, 1))
-    points[:, -1] = points[:, 0]
-    points[0], points[-1] = points[0, 0], points[-1, 0]
-    scene = scene_of(points.reshape(-1, 3), sheet(points))
-    for target in ((1, 0, 0), (0, 1, 0.01), (-0.3, -1, 0.2), (0.1, 0, -1)):
-        camera = Camera.look_at((0.01, 0.02, 0.03), target, (0.1, 0.2, 1), yfov=1.6, width=WIDTH, height=HEIGHT)
-        assert there(gbuffer(scene, camera, runtime=runtime)).all()
 
 
 def test_a_pixel_on_an_edge_belongs_to_one_triangle(runtime: Runtime, rng: np.random.Generator) -> None:
@@ -110,15 +97,6 @@ def test_a_huge_ground_under_the_camera_is_whole(runtime: Runtime, half: float, 
     np.testing.assert_allclose(depth[near], expected[near], rtol=1e-5)
 
 
-@pytest.mark.parametrize("half", [1e3, 2e4, 1e5, 1e6])
-def test_a_diagonal_of_huge_triangles_leaves_no_gap(runtime: Runtime, half: float) -> None:
-    wall = quad(facing(half, 10))
-    for eye in ((0.0, 0.0, 0.0), (3.0, 0.7, 0.0), (-40.0, 35.0, 0.0)):
-        camera = Camera.look_at(eye, np.add(eye, (0, 0, -1)), width=WIDTH, height=HEIGHT)
-        # Three roundings: of the plane's offset, of the slope, and of the quotient.
-        np.testing.assert_allclose(depth_of(gbuffer(wall, camera, runtime=runtime)), 10.0, 2e-7)
-
-
 def test_a_camera_in_a_closed_room_of_huge_triangles_sees_no_hole(runtime: Runtime) -> None:
     half = 1e5
     corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
@@ -146,20 +124,6 @@ def test_depth_of_a_slanted_plane_is_right_to_a_few_roundings(runtime: Runtime) 
         seen = (expected > 0.01) & (expected < 12.0)
         assert seen.mean() > 0.3
         np.testing.assert_allclose(depth[seen], expected[seen], rtol=1e-6)
-
-
-def test_a_scene_of_one_triangle(runtime: Runtime) -> None:
-    scene = scene_of([(-1, -1, -2), (1, -1, -2), (-1, 1, -2)], [(0, 1, 2)])
-    camera = Camera.orthographic((0, 0, 0), (0, 0, -1), view_height=4.0, width=200, height=200, far=9.0)
-    result = gbuffer(scene, camera, runtime=runtime)
-    row, column = np.mgrid[:200, :200]
-    x, y = (column + 0.5) / 50.0 - 2.0, 2.0 - (row + 0.5) / 50.0
-    # Half an unit square, but for the pixels on the slanted edge, which lies on their centres.
-    inside = (x > -1.0) & (y > -1.0) & (x + y < -1e-6)
-    outside = (x < -1.0) | (y < -1.0) | (x + y > 1e-6)
-    assert there(result)[inside].all()
-    assert not there(result)[outside].any()
-    np.testing.assert_array_equal(depth_of(result)[inside], 2.0)
 
 
 def test_triangles_without_area_are_not_seen_and_do_no_harm(runtime: Runtime) -> None:

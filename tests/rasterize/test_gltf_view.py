@@ -6,6 +6,7 @@ import base64
 import json
 import math
 import pickle
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -44,19 +45,18 @@ def saved(folder: Path, made: dict[str, Any]) -> Path:
     return path
 
 
+def loaded(folder: Path, **more: Any) -> Scene:
+    return gi.rasterize.load_scene(saved(folder, document(**more)))
+
+
 def lit(folder: Path, light: dict[str, Any], **node: Any) -> Scene:
     """A scene with one light, on a node of its own."""
-    made = document(
-        nodes=[{"extensions": {LIGHTS: {"light": 0}}, **node}],
-        extensions={LIGHTS: {"lights": [light]}},
-        extensionsUsed=[LIGHTS],
-    )
-    return gi.rasterize.load_scene(saved(folder, made))
+    nodes = [{"extensions": {LIGHTS: {"light": 0}}, **node}]
+    return loaded(folder, nodes=nodes, extensions={LIGHTS: {"lights": [light]}}, extensionsUsed=[LIGHTS])
 
 
 def seen(folder: Path, camera: dict[str, Any], **node: Any) -> Scene:
-    made = document(nodes=[{"camera": 0, **node}], cameras=[camera])
-    return gi.rasterize.load_scene(saved(folder, made))
+    return loaded(folder, nodes=[{"camera": 0, **node}], cameras=[camera])
 
 
 PERSPECTIVE = {"type": "perspective", "perspective": {"yfov": 0.8, "znear": 0.1}}
@@ -80,14 +80,11 @@ def test_a_directional_light_shines_along_its_nodes_minus_z(tmp_path: Path) -> N
 
 
 def test_lights_are_placed_by_the_nodes_above_them(tmp_path: Path) -> None:
-    made = document(
-        nodes=[
-            {"translation": [0, 0, 2], "rotation": TURN_Y, "children": [2]},
-            {"extensions": {LIGHTS: {"light": 0}}, "translation": [0, 0, 1]},
-        ],
-        extensions={LIGHTS: {"lights": [{"type": "point"}]}},
-    )
-    (found,) = gi.rasterize.load_scene(saved(tmp_path, made)).lights
+    nodes: list[dict[str, Any]] = [
+        {"translation": [0, 0, 2], "rotation": TURN_Y, "children": [2]},
+        {"extensions": {LIGHTS: {"light": 0}}, "translation": [0, 0, 1]},
+    ]
+    (found,) = loaded(tmp_path, nodes=nodes, extensions={LIGHTS: {"lights": [{"type": "point"}]}}).lights
     np.testing.assert_allclose(found.position, [1, 0, 2], **EXACT)
     np.testing.assert_allclose(found.intensity, 1.0 / 683.0, **EXACT)  # 1 cd by default
 
@@ -115,29 +112,6 @@ def test_spot_angles_have_the_defaults_of_the_extension(tmp_path: Path) -> None:
     assert [note for note in scene.notes if "'bulb'" in note and "soft edge from 0.0" in note]
 
 
-@pytest.mark.parametrize(
-    ("light", "node", "message"),
-    [
-        ({"type": "area"}, {}, "type is 'area'"),
-        ({"type": "point", "intensity": -1.0}, {}, "intensity"),
-        ({"type": "point", "color": [1e200, 0, 0], "intensity": 1e200}, {}, "intensity"),
-        ({"type": "spot", "spot": {"outerConeAngle": 2.0}}, {}, "cone angles are 0 and 2"),
-        ({"type": "spot", "spot": {"innerConeAngle": 1.0}}, {}, "cone angles are 1 and"),
-        ({"type": "directional"}, {"scale": [1, 1, 0]}, "no usable length"),
-        ({"type": "point"}, {"translation": [1e200, 0, 0]}, "position"),
-        ({"type": "directional"}, {"matrix": [1e200] * 16}, "no usable length"),
-    ],
-)
-def test_a_light_that_cannot_be_is_left_out_and_named(
-    tmp_path: Path, light: dict[str, Any], node: dict[str, Any], message: str
-) -> None:
-    scene = lit(tmp_path, {"name": "odd", **light}, **node)
-    assert scene.lights == ()
-    assert len(scene.notes) == 1
-    assert scene.notes[0].startswith("light 'odd' is left out: ")
-    assert message in scene.notes[0]
-
-
 def test_the_range_of_a_light_is_said_to_be_unused(tmp_path: Path) -> None:
     scene = lit(tmp_path, {"type": "point", "range": 5.0}, name="bulb")
     assert len(scene.lights) == 1
@@ -157,7 +131,7 @@ def test_the_range_of_a_light_is_said_to_be_unused(tmp_path: Path) -> None:
 )
 def test_damaged_views_are_refused(tmp_path: Path, change: dict[str, Any], message: str) -> None:
     with pytest.raises(gi.SceneError, match=message):
-        gi.rasterize.load_scene(saved(tmp_path, document(**change)))
+        loaded(tmp_path, **change)
 
 
 def test_emission_beyond_what_a_material_holds_is_refused_by_its_name(tmp_path: Path) -> None:
@@ -212,17 +186,22 @@ def test_a_mirrored_node_does_not_mirror_its_camera(tmp_path: Path) -> None:
 
 
 def test_names_of_cameras_stay_apart(tmp_path: Path) -> None:
-    made = document(
-        nodes=[{"camera": 0, "name": "A"}, {"camera": 0, "name": "A"}, {"camera": 0}],
-        cameras=[{**PERSPECTIVE, "name": "B"}],
-    )
-    scene = gi.rasterize.load_scene(saved(tmp_path, made))
+    nodes = [{"camera": 0, "name": "A"}, {"camera": 0, "name": "A"}, {"camera": 0}]
+    scene = loaded(tmp_path, nodes=nodes, cameras=[{**PERSPECTIVE, "name": "B"}])
     assert list(scene.cameras) == ["A", "A (2)", "B"]
 
 
 @pytest.mark.parametrize(
-    ("camera", "node", "message"),
+    ("what", "node", "message"),
     [
+        ({"type": "area"}, {}, "type is 'area'"),
+        ({"type": "point", "intensity": -1.0}, {}, "intensity"),
+        ({"type": "point", "color": [1e200, 0, 0], "intensity": 1e200}, {}, "intensity"),
+        ({"type": "spot", "spot": {"outerConeAngle": 2.0}}, {}, "cone angles are 0 and 2"),
+        ({"type": "spot", "spot": {"innerConeAngle": 1.0}}, {}, "cone angles are 1 and"),
+        ({"type": "directional"}, {"scale": [1, 1, 0]}, "no usable length"),
+        ({"type": "point"}, {"translation": [1e200, 0, 0]}, "position"),
+        ({"type": "directional"}, {"matrix": [1e200] * 16}, "no usable length"),
         ({"type": "fisheye"}, {}, "type is 'fisheye'"),
         ({"type": "perspective"}, {}, "type is 'perspective'"),
         ({"type": "perspective", "perspective": {"yfov": 0, "znear": 1}}, {}, "height is 0"),
@@ -235,30 +214,27 @@ def test_names_of_cameras_stay_apart(tmp_path: Path) -> None:
         (PERSPECTIVE, {"translation": [1e200, 0, 0]}, "view"),
     ],
 )
-def test_a_camera_that_cannot_be_is_left_out_and_named(
-    tmp_path: Path, camera: dict[str, Any], node: dict[str, Any], message: str
+def test_a_light_or_camera_that_cannot_be_is_left_out_and_named(
+    tmp_path: Path, what: dict[str, Any], node: dict[str, Any], message: str
 ) -> None:
-    scene = seen(tmp_path, camera, name="odd", **node)
-    assert scene.cameras == {}
-    assert len(scene.notes) == 1
-    assert scene.notes[0].startswith("camera 'odd' is left out: ")
-    assert message in scene.notes[0]
+    of_light = what["type"] in ("area", "point", "spot", "directional")
+    scene = (lit if of_light else seen)(tmp_path, {**what, "name": "odd"}, **node)
+    assert (scene.lights, scene.cameras) == ((), {})
+    (note,) = scene.notes
+    assert note.startswith(f"{'light' if of_light else 'camera'} 'odd' is left out: ")
+    assert message in note
 
 
 def test_views_do_not_change_what_truths_are_stored_under(tmp_path: Path) -> None:
-    plain = gi.rasterize.load_scene(saved(tmp_path, document()))
+    plain = loaded(tmp_path)
     assert (plain.lights, plain.cameras, plain.notes) == ((), {}, ())
     assert scene_digest(lit(tmp_path, {"type": "point"})) == scene_digest(plain)
     assert scene_digest(seen(tmp_path, PERSPECTIVE)) == scene_digest(plain)
 
 
 def test_a_scene_with_views_can_be_pickled(tmp_path: Path) -> None:
-    made = document(
-        nodes=[{"camera": 0}, {"extensions": {LIGHTS: {"light": 0}}}],
-        cameras=[PERSPECTIVE],
-        extensions={LIGHTS: {"lights": [{"type": "point"}]}},
-    )
-    copy = pickle.loads(pickle.dumps(gi.rasterize.load_scene(saved(tmp_path, made))))
+    lights = lit(tmp_path, {"type": "point"}).lights
+    copy = pickle.loads(pickle.dumps(replace(seen(tmp_path, PERSPECTIVE), lights=lights)))
     assert isinstance(copy.cameras["camera 1"], SceneCamera)
     assert not copy.cameras["camera 1"].view.flags.writeable
     assert not copy.lights[0].position.flags.writeable
@@ -294,14 +270,14 @@ def test_what_is_not_drawn_has_a_line_each(tmp_path: Path) -> None:
 
 
 def render(folder: Path, scene: Path, *options: str) -> Result:
-    arguments = ["render", str(scene), "-o", str(folder / "out.exr"), "--width", "32", "--height", "24", *options]
-    return CliRunner().invoke(main, arguments)
+    size = ["--width", "32", "--height", "24", "--shadow-size", "32", "--bounces", "0", "--ao", "none"]
+    return CliRunner().invoke(main, ["render", str(scene), "-o", str(folder / "out.exr"), *size, *options])
 
 
-def picture(folder: Path, scene: Path, *options: str) -> np.ndarray:
+def picture(folder: Path, scene: Path, *options: str) -> tuple[np.ndarray, Result]:
     done = render(folder, scene, *options)
     assert done.exit_code == 0, done.output
-    return exr.read(folder / "out.exr")["R"]
+    return exr.read(folder / "out.exr")["R"], done
 
 
 def test_the_command_uses_the_files_lights_and_cameras(tmp_path: Path) -> None:
@@ -317,15 +293,14 @@ def test_the_command_uses_the_files_lights_and_cameras(tmp_path: Path) -> None:
     path = saved(tmp_path, made)
     scene = gi.rasterize.load_scene(path)
     assert list(scene.cameras) == ["far", "near"], "they are in the file's order"
-    far, near = (picture(tmp_path, path, "--camera", name) for name in ("far", "near"))
+    (far, _), (near, done) = (picture(tmp_path, path, "--camera", name) for name in ("far", "near"))
     assert (near > 0.0).sum() > 4 * (far > 0.0).sum() > 0
     # 1 W/sr from 1 away: radiance albedo / pi (glTF's default albedo here is Material's 0.8).
     assert near.max() == pytest.approx(scene.materials[0].albedo[0] / math.pi, rel=0.02)
-    np.testing.assert_array_equal(picture(tmp_path, path), far)
-    done = render(tmp_path, path)
     assert "note: light 'light 3': its range is not used" in done.output
-    facts = json.loads(render(tmp_path, path, "--json").stdout)
-    assert facts["notes"] == list(scene.notes)
+    first, done = picture(tmp_path, path, "--json")
+    np.testing.assert_array_equal(first, far)
+    assert json.loads(done.stdout)["notes"] == list(scene.notes)
 
 
 def test_the_command_lists_the_cameras_there_are(tmp_path: Path) -> None:

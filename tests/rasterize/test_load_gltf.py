@@ -221,15 +221,6 @@ def test_gltf_with_files_beside_it_reads_them(tmp_path: Path) -> None:
     assert len(load_scene(written(tmp_path, "b.gltf", json.dumps(made.json))).triangles) == 1
 
 
-@pytest.mark.parametrize("uri", ["../x.bin", "/etc/hostname", "https://example.org/x.bin"])
-def test_gltf_buffer_outside_of_the_folder_is_refused(tmp_path: Path, uri: str) -> None:
-    made = Gltf()
-    made.triangle()
-    made.json["buffers"] = [{"byteLength": len(made.binary), "uri": uri}]
-    with pytest.raises(SceneError, match=r"leaves the folder|relative to the scene file"):
-        load_scene(written(tmp_path, "a.gltf", json.dumps(made.json)))
-
-
 @pytest.mark.skipif(importlib.util.find_spec("DracoPy") is not None, reason="needs DracoPy to be absent")
 def test_draco_without_its_package_names_the_extra(tmp_path: Path) -> None:
     made = Gltf()
@@ -251,22 +242,12 @@ def test_draco_is_decoded_where_its_package_is_installed(tmp_path: Path) -> None
     np.testing.assert_allclose(radii, 1.0, rtol=0, atol=3**0.5 * 2.0 / 2**14)
 
 
-def test_meshopt_is_refused(tmp_path: Path) -> None:
-    made = Gltf()
-    made.triangle()
-    made.json["bufferViews"][0]["extensions"] = {"EXT_meshopt_compression": {}}
-    with pytest.raises(SceneError, match="EXT_meshopt_compression"):
-        made.load(tmp_path)
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         (lambda j: j.update(extensionsRequired=["EXT_other"]), "EXT_other"),
-        (lambda j: j["accessors"][0].update(count=2**40), "reads 1099511627776 items"),
+        (lambda j: j["bufferViews"][0].update(extensions={"EXT_meshopt_compression": {}}), "EXT_meshopt_compression"),
         (lambda j: j["accessors"][0].update(sparse={}), r"accessors\[0\].sparse has no 'count'"),
-        (lambda j: j["bufferViews"][0].update(byteLength=2**40), "covers bytes"),
-        (lambda j: j["nodes"][0].update(children=[0]), "several places"),
         (lambda j: j["nodes"][0].update(mesh=7), "the mesh of a node is 7"),
         (lambda j: j["nodes"][0].update(scale=[1, math.nan, 1]), "not finite"),
         (lambda j: j["meshes"][0]["primitives"][0].update(material=3), "a material is 3"),

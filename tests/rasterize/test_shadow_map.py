@@ -15,9 +15,10 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import Material, Scene, rsm
 from ssgi_cl.rasterize.raster.device_scene import DeviceScene
 from ssgi_cl.rasterize.raster.shadow_map import RsmRenderer, every_nth, light_cameras
-from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, BuiltinScene
+from ssgi_cl.rasterize.scenes import BuiltinScene
 
 from . import meshes
+from .meshes import made
 
 Doubles = NDArray[np.float64]
 WHITE = (1.0, 1.0, 1.0)
@@ -49,10 +50,10 @@ def room(albedo: tuple[float, float, float] = WHITE) -> Scene:
 
 
 def cornell_box() -> tuple[BuiltinScene, SpotLight]:
-    made = BUILTIN_SCENES["cornell_box"]()
-    (light,) = made.lights
+    box = made("cornell_box")
+    (light,) = box.lights
     assert isinstance(light, SpotLight)
-    return made, light
+    return box, light
 
 
 def total(result: ReflectiveShadowMap) -> Doubles:
@@ -67,7 +68,7 @@ def total(result: ReflectiveShadowMap) -> Doubles:
 @pytest.mark.parametrize(
     ("cone", "size"),
     [
-        pytest.param(cone, size, marks=[pytest.mark.slow] * ((i + k) % 3 != 2))
+        pytest.param(cone, size, marks=[pytest.mark.slow] * ((i + k) % 2 == 1 or size == 1024))
         for i, cone in enumerate((0.2, 0.7, 1.2))
         for k, size in enumerate((128, 512, 1024))
     ],
@@ -85,15 +86,7 @@ def test_a_spot_light_reflects_intensity_times_solid_angle_times_albedo(
     np.testing.assert_allclose(total(result), expected, rtol=0.01)
 
 
-def test_a_narrow_spot_on_a_slanted_plane_loses_nothing_to_distance(runtime: Runtime) -> None:
-    expected = 7.0 * 2.0 * math.pi * (1.0 - math.cos(0.3))
-    for height in (0.5, 5.0, 50.0):
-        light = SpotLight((0.0, height, 0.0), (1.0, -1.0, 0.0), 0.3, 7.0)
-        result = rsm(ground(500.0), light, size=256, runtime=runtime)
-        np.testing.assert_allclose(total(result), expected, rtol=0.01)
-
-
-@pytest.mark.parametrize("size", [32, 128, 512])
+@pytest.mark.parametrize("size", [32, 128, pytest.param(512, marks=pytest.mark.slow)])
 def test_a_point_light_in_a_closed_room_reflects_all_it_sends_out(runtime: Runtime, size: int) -> None:
     light = PointLight((0.3, -0.2, 0.6), (1.0, 2.0, 3.0))
     albedo = (0.8, 0.6, 0.4)
@@ -107,7 +100,7 @@ def test_a_point_light_in_a_closed_room_reflects_all_it_sends_out(runtime: Runti
 @pytest.mark.parametrize(
     ("direction", "size"),
     [
-        pytest.param(direction, size, marks=[pytest.mark.slow] * ((i + k) % 2))
+        pytest.param(direction, size, marks=[pytest.mark.slow] * ((i + k) % 2 == 1 or size == 1024))
         for i, direction in enumerate(((0.0, -1.0, 0.0), (0.5, -1.0, 0.3)))
         for k, size in enumerate((128, 512, 1024))
     ],
@@ -121,13 +114,6 @@ def test_a_directional_light_reflects_irradiance_times_the_area_it_sees(
     expected = np.array([1.0, 2.0, 2.0]) * 36.0 * cosine
     # The outline is sampled at texel centres: less than a row of texels on each side.
     np.testing.assert_allclose(total(result), expected, rtol=1.0 / size)
-
-
-def test_black_surfaces_reflect_nothing(runtime: Runtime) -> None:
-    for light in DOWNWARDS:
-        result = rsm(ground(5.0, (0.0, 0.0, 0.0)), light, size=32, runtime=runtime)
-        assert np.isfinite(np.asarray(result.depth)).any()
-        assert not np.asarray(result.flux).any()
 
 
 def test_a_light_that_sees_nothing_gives_zeros(runtime: Runtime) -> None:
@@ -172,7 +158,7 @@ def test_positions_and_normals_lie_on_the_surfaces(runtime: Runtime) -> None:
 
 
 def test_a_directional_light_sees_the_whole_scene_from_outside(runtime: Runtime) -> None:
-    scene = BUILTIN_SCENES["hall"]().scene
+    scene = made("terrace").scene
     direction = np.array([-0.8, -0.46, -0.34])
     (camera,) = light_cameras(DirectionalLight(direction, 1.0), scene.bounds, 64)
     points = (scene.positions[::97] + scene.origin) @ camera.view[:3, :3].T + camera.view[:3, 3]
@@ -216,18 +202,6 @@ def test_faces_are_stacked_in_the_order_of_the_axes(runtime: Runtime) -> None:
     np.testing.assert_allclose(middle, expected, atol=1e-6)
 
 
-@pytest.mark.parametrize("scale", [1e-4, 1e4])
-def test_flux_does_not_depend_on_the_unit_of_length(runtime: Runtime, scale: float) -> None:
-    scene, light = cornell_box()
-    moved = SpotLight(np.multiply(light.position, scale), light.direction, light.cone_angle, light.intensity)
-    plain = scene.scene
-    small = replace(plain, positions=plain.positions * np.float32(scale), origin=plain.origin * scale)
-    one = rsm(scene.scene, light, size=128, runtime=runtime)
-    other = rsm(small, moved, size=128, runtime=runtime)
-    # A few texels on silhouettes change hands.
-    np.testing.assert_allclose(total(other), total(one), rtol=1e-3)
-
-
 # ---- small maps, other builds, errors
 
 
@@ -241,7 +215,7 @@ def test_a_map_of_one_texel(runtime: Runtime) -> None:
 
 def test_every_build_of_the_kernels_gives_the_same(other_variant: Runtime) -> None:
     reference = Runtime.open()
-    scene = BUILTIN_SCENES["hall"]()
+    scene = made("hall")
     for light in scene.lights:
         if isinstance(light, Environment):
             continue
@@ -283,11 +257,11 @@ def test_depth_for_shadows_is_a_few_roundings_off(runtime: Runtime) -> None:
         assert not np.isfinite(other).any()
 
 
-@pytest.mark.parametrize("step", [2, 3])
+@pytest.mark.parametrize("step", [pytest.param(2, marks=pytest.mark.slow), 3])
 def test_every_nth_texel_is_that_of_the_whole_map(variant_runtime: Runtime, step: int) -> None:
-    made, light = cornell_box()
-    kept = DeviceScene(variant_runtime, made.scene)
-    (camera,) = light_cameras(light, made.scene.bounds, 37)
+    box, light = cornell_box()
+    kept = DeviceScene(variant_runtime, box.scene)
+    (camera,) = light_cameras(light, box.scene.bounds, 37)
     few, all_ = (RsmRenderer(variant_runtime, 37, step=n) for n in (step, 1))
     with variant_runtime.frame():
         for renderer in (few, all_):

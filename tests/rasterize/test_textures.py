@@ -11,11 +11,12 @@ import pytest
 
 from ssgi_cl.core.scene import mip_texels
 from ssgi_cl.rasterize.raster.device_scene import _mip_mapped
-from ssgi_cl.rasterize.scenes import make_scene
+
+from .meshes import made
 
 
 def test_textures_that_no_device_holds_are_refused_at_once() -> None:
-    scene = make_scene("cornell_box").scene
+    scene = made("cornell_box").scene
     large: Any = np.broadcast_to(np.zeros(4, np.uint8), (16384, 16384, 4))
     start = time.process_time()
     with pytest.raises(ValueError, match=r"have 715827882 texels .* at most 536870911"):

@@ -16,10 +16,8 @@ from ssgi_cl.core.lights import DirectionalLight, Environment, PointLight
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.raster.default_camera import camera_from_json, default_camera, default_lights
-from ssgi_cl.rasterize.raster.view import gbuffer
-from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 
-from .meshes import scene_of
+from .meshes import front_depth, made, scene_of, slow_but
 
 FOV = 0.9  # radians
 WIDE = (80, 60)  # width, height
@@ -66,12 +64,6 @@ def view_of(scene: Scene, runtime: Runtime, size: tuple[int, int] = WIDE) -> Cam
     return default_camera(scene, *size, FOV, runtime)
 
 
-def seen_depth(scene: Scene, camera: Camera, runtime: Runtime) -> NDArray[np.float32]:
-    depth = gbuffer(scene, camera, runtime=runtime).first("depth")
-    assert depth is not None
-    return depth
-
-
 def point_light(scene: Scene, camera: Camera, runtime: Runtime) -> PointLight:
     """Return the first default light, which must be a point light."""
     light = default_lights(scene, camera, runtime)[0]
@@ -88,7 +80,7 @@ def is_inside(camera: Camera, scene: Scene) -> bool:
 def test_an_object_fills_the_picture_and_is_not_cut(runtime: Runtime, size: tuple[int, int]) -> None:
     scene = box()
     camera = view_of(scene, runtime, size)
-    covered = np.isfinite(seen_depth(scene, camera, runtime))
+    covered = np.isfinite(front_depth(scene, camera, runtime))
     assert not is_inside(camera, scene)
     rows, columns = np.nonzero(covered)
     assert not covered[[0, -1]].any(), "it is cut at the top or bottom"
@@ -98,7 +90,7 @@ def test_an_object_fills_the_picture_and_is_not_cut(runtime: Runtime, size: tupl
     assert share.max() > 0.9 - 3.0 / min(size)
 
 
-@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e4])
+@pytest.mark.parametrize("scale", [1e-3, 1e4])
 def test_the_view_does_not_depend_on_the_scale(runtime: Runtime, scale: float) -> None:
     plain, scaled = box(), box(size=(2.0 * scale, 1.0 * scale, 1.5 * scale))
     ours, theirs = view_of(plain, runtime), view_of(scaled, runtime)
@@ -117,13 +109,13 @@ def test_a_room_is_seen_from_within(runtime: Runtime) -> None:
     scene = box(inward=True)
     camera = view_of(scene, runtime)
     assert is_inside(camera, scene)
-    depth = seen_depth(scene, camera, runtime)
+    depth = front_depth(scene, camera, runtime)
     assert np.isfinite(depth).all()
     # No wall in the face: half of the picture is further than a third of the room's diagonal.
     assert float(np.median(depth)) > np.linalg.norm(scene.bounds[1] - scene.bounds[0]) / 3.0
 
 
-@pytest.mark.parametrize("side", ["+x", "-x", "+z", "-z"])
+@pytest.mark.parametrize("side", [slow_but(side, "+x", "-z") for side in ("+x", "-x", "+z", "-z")])
 def test_a_room_without_a_wall_is_seen_through_the_gap(runtime: Runtime, side: str) -> None:
     scene = box(without=side, inward=True)
     camera = view_of(scene, runtime)
@@ -145,20 +137,20 @@ def test_a_single_sided_surface_is_seen_from_its_front(runtime: Runtime, side: f
     scene = one_triangle([[-side, -1, 0], [side, -1, 0], [0, 1, 0]])
     camera = view_of(scene, runtime)
     assert camera.position[2] * side > 0.0
-    assert np.isfinite(seen_depth(scene, camera, runtime)).any()
+    assert np.isfinite(front_depth(scene, camera, runtime)).any()
 
 
-@pytest.mark.parametrize("scale", [1e-20, 1e-6, 1e6, 1e15])
+@pytest.mark.parametrize("scale", [1e-20, 1e15])
 def test_a_triangle_of_any_size_is_seen(runtime: Runtime, scale: float) -> None:
     corners = np.array([[-1, -1, 0.2], [1, -1, 0], [0, 1, -0.3]]) * scale
     scene = one_triangle(corners)
     camera = view_of(scene, runtime)
-    assert np.isfinite(seen_depth(scene, camera, runtime)).mean() > 0.05
+    assert np.isfinite(front_depth(scene, camera, runtime)).mean() > 0.05
 
 
 @pytest.mark.slow
 def test_a_large_scene_is_looked_round_in_a_fraction_of_a_second(runtime: Runtime) -> None:
-    scene = BUILTIN_SCENES["hall"]().scene
+    scene = made("hall").scene
     view_of(scene, runtime)  # compiles and uploads
     start = perf_counter()
     default_lights(scene, view_of(scene, runtime), runtime)
@@ -231,6 +223,8 @@ def test_camera_from_json_takes_the_size_of_the_file_unless_it_is_given(tmp_path
     path = written(tmp_path, {"camera": {**CAMERA, "width": 64, "height": 32}})
     assert camera_from_json(path, None, None).size == (32, 64)
     assert camera_from_json(path, 10, None).size == (32, 10)
+    with pytest.raises(ValueError, match="width is 0"):
+        camera_from_json(path, 0, None)
     assert camera_from_json(written(tmp_path, CAMERA), None, None).size == (600, 800)
 
 
@@ -254,11 +248,6 @@ def test_camera_from_json_takes_the_size_of_the_file_unless_it_is_given(tmp_path
 def test_camera_from_json_names_what_is_wrong(tmp_path: Path, content: object, message: str) -> None:
     with pytest.raises((ValueError, TypeError), match=message):
         camera_from_json(written(tmp_path, content), None, None)
-
-
-def test_camera_from_json_refuses_a_width_of_zero(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="width is 0"):
-        camera_from_json(written(tmp_path, CAMERA), 0, None)
 
 
 def test_camera_from_json_says_that_a_file_is_missing(tmp_path: Path) -> None:

@@ -5,13 +5,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
-from numpy.typing import NDArray
 
 import ssgi_cl as gi
 from ssgi_cl.core.camera import Camera
@@ -21,9 +21,9 @@ from ssgi_cl.frame.render import default_ao_radius
 from ssgi_cl.rasterize.files.load import load_scene
 from ssgi_cl.rasterize.raster.default_camera import default_camera
 from ssgi_cl.rasterize.raster.extent import Extent
-from ssgi_cl.rasterize.raster.view import gbuffer
 from ssgi_cl.rasterize.raster.visible_extent import visible_extent
-from ssgi_cl.rasterize.scenes import make_scene
+
+from .meshes import front_depth, made
 
 FOV = 0.9  # radians
 SHARED = Path(__file__).parents[3] / "shared" / "scenes"
@@ -60,6 +60,7 @@ def dome(radius: float) -> trimesh.Trimesh:
     return inward(trimesh.creation.icosphere(subdivisions=2, radius=radius))
 
 
+@cache
 def city(blocks: int) -> Scene:
     """Houses along x, one in each 10 units, of other heights and depths."""
     rng = np.random.default_rng(8)
@@ -73,12 +74,6 @@ def city(blocks: int) -> Scene:
 
 def seen_from(eye: Sequence[float], target: Sequence[float] = (0.0, 0.5, 0.0)) -> Camera:
     return Camera.look_at(eye, target, yfov=FOV, width=160, height=120)
-
-
-def depth_of(scene: Scene, camera: Camera, runtime: Runtime) -> NDArray[np.float32]:
-    depth = gbuffer(scene, camera, runtime=runtime).first("depth")
-    assert depth is not None
-    return depth
 
 
 def test_a_wall_that_fills_the_picture_has_the_picture_s_diagonal(runtime: Runtime) -> None:
@@ -104,7 +99,7 @@ def test_it_is_never_more_than_the_scene(runtime: Runtime) -> None:
     assert visible_extent(scene, away, runtime=runtime) == pytest.approx(3.0)
 
 
-@pytest.mark.parametrize("scale", [1e-18, 1e-3, 1e6, 1e15])
+@pytest.mark.parametrize("scale", [1e-18, 1e15])
 def test_it_scales_with_the_scene(runtime: Runtime, scale: float) -> None:
     def extent(size: float) -> float:
         body = ship().apply_scale(size)
@@ -126,16 +121,16 @@ def test_what_is_around_an_object_hardly_changes_its_radius(runtime: Runtime, ar
 
 def test_a_street_has_the_radius_of_its_houses_whatever_its_length(runtime: Runtime) -> None:
     radii = []
-    for blocks in (10, 100):
+    for blocks in (10, 40):
         camera = seen_from((-12.0, 6.0, 14.0), (20.0, 3.0, 0.0))
         radii.append(default_ao_radius(city(blocks), camera, runtime))
     assert radii[1] == pytest.approx(radii[0], rel=0.1)
     assert 0.5 < radii[1] < 4.0  # units; houses are 4 to 9 high
 
 
-@pytest.mark.parametrize("name", ["hall", "terrace", "room-7", "colonnade-2", "street-1"])
+@pytest.mark.parametrize("name", ["terrace", "room-3", "street-3", pytest.param("hall", marks=pytest.mark.slow)])
 def test_built_in_views_get_about_the_radius_that_was_chosen_for_them(runtime: Runtime, name: str) -> None:
-    built = make_scene(name)
+    built = made(name)
     radius = default_ao_radius(built.scene, built.camera(160, 120), runtime)
     assert 0.6 < radius / built.ao_radius < 1.6
     box = 0.05 * float(np.linalg.norm(np.ptp(built.scene.bounds, axis=0)))
@@ -145,7 +140,7 @@ def test_built_in_views_get_about_the_radius_that_was_chosen_for_them(runtime: R
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["hall", "street-1", "foliage-3"])
 def test_small_motion_of_the_camera_changes_the_radius_as_little(runtime: Runtime, name: str) -> None:
-    built = make_scene(name)
+    built = made(name)
     eye, target = np.array(built.eye), np.array(built.target)
     step = 0.002 * (target - eye)  # 0.2 % of the distance, for 20 frames
     radii = [
@@ -159,7 +154,7 @@ def test_small_motion_of_the_camera_changes_the_radius_as_little(runtime: Runtim
 
 
 def test_the_radius_depends_on_scene_and_camera_alone(runtime: Runtime) -> None:
-    built = make_scene("cornell_box")
+    built = made("cornell_box")
     first, second = built.camera(160, 120), built.camera(160, 120).cropped(40, 30, 60, 40)
     large = built.camera(1600, 1200)
     values = [default_ao_radius(built.scene, camera, runtime) for camera in (first, second, first, large, second)]
@@ -168,7 +163,7 @@ def test_the_radius_depends_on_scene_and_camera_alone(runtime: Runtime) -> None:
 
 
 def test_render_takes_it_by_default(runtime: Runtime) -> None:
-    built = make_scene("room-7")
+    built = made("room-3")
     camera = built.camera(80, 60)
     radius = default_ao_radius(built.scene, camera, runtime)
 
@@ -185,7 +180,7 @@ def test_a_frame_without_occlusion_draws_no_depth_map_for_it(runtime: Runtime, m
         raise AssertionError("it is not needed")
 
     monkeypatch.setattr("ssgi_cl.frame.renderer.visible_extent", refuse)
-    built = make_scene("cornell_box")
+    built = made("cornell_box")
     for options in ({"ao": False}, {"ao_radius": 0.1}):
         gi.render(built.scene, built.camera(16, 12), built.lights, bounces=0, runtime=runtime, **options)
     with pytest.raises(AssertionError, match="not needed"):
@@ -230,9 +225,9 @@ def test_the_air_between_two_objects_in_a_dome_is_no_room(runtime: Runtime) -> N
     assert np.linalg.norm(camera.position) < 15.0
 
 
-@pytest.mark.parametrize("name", ["hall", "parlour", "room-7", "street-1", "cornell_box"])
+@pytest.mark.parametrize("name", ["parlour", "room-3", "cornell_box", pytest.param("hall", marks=pytest.mark.slow)])
 def test_rooms_have_no_backdrop(name: str) -> None:
-    scene = make_scene(name).scene
+    scene = made(name).scene
     np.testing.assert_array_equal(Extent.of_subject(scene).bounds, Extent.of(scene).bounds)
 
 
@@ -248,7 +243,7 @@ def test_an_object_before_a_backdrop_fills_the_picture(runtime: Runtime, around:
     scene, body = joined(ship(), *around), joined(ship())
     camera = default_camera(scene, 160, 120, FOV, runtime)
     assert (camera.view[:3, :3] @ (0, 1, 0))[1] > 0.5
-    both, alone = (depth_of(each, camera, runtime) for each in (scene, body))
+    both, alone = (front_depth(each, camera, runtime) for each in (scene, body))
     covered = np.isfinite(alone)
     # The ship is seen whole, large, and nothing stands before it.
     assert not covered[[0, -1]].any()
@@ -257,11 +252,11 @@ def test_an_object_before_a_backdrop_fills_the_picture(runtime: Runtime, around:
     np.testing.assert_allclose(both[covered], alone[covered], rtol=1e-3)
 
 
-@pytest.mark.parametrize("blocks", [40, 200])
+@pytest.mark.parametrize("blocks", [40, pytest.param(200, marks=pytest.mark.slow)])
 def test_a_long_city_is_no_thin_strip(runtime: Runtime, blocks: int) -> None:
     scene = city(blocks)
     camera = default_camera(scene, 160, 120, FOV, runtime)
-    covered = np.isfinite(depth_of(scene, camera, runtime))
+    covered = np.isfinite(front_depth(scene, camera, runtime))
     # Seen from the side, 400 units by 9 would be 3 rows of 120.
     assert np.ptp(np.nonzero(covered)[0]) > 50
     assert np.ptp(np.nonzero(covered)[1]) > 70
@@ -304,7 +299,7 @@ def test_shared_scenes_fill_their_default_pictures(runtime: Runtime, name: str) 
         pytest.skip(f"needs the scene files in {SHARED}")
     scene = load_scene(path)
     camera = default_camera(scene, 160, 120, math.radians(50.0), runtime)
-    covered = np.isfinite(depth_of(scene, camera, runtime))
+    covered = np.isfinite(front_depth(scene, camera, runtime))
     assert covered.mean() > 0.15
     box = float(np.linalg.norm(np.ptp(scene.bounds, axis=0)))
     assert 0.01 * box < default_ao_radius(scene, camera, runtime) <= 0.05 * box * (1.0 + 1e-9)

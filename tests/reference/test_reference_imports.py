@@ -21,8 +21,6 @@ ALLOWED = {
     "ssgi_cl.core.vpls": {"Vpls"},
 }
 """Modules and what reference implementations may take from them: the user's data."""
-ANNOTATED: dict[str, set[str]] = {}
-"""As `ALLOWED`, for annotations alone; parameters of techniques, `...Params`, are allowed too."""
 ROOT = Path(str(files(ssgi_cl)))
 REFERENCES = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "reference").rglob("*.py"))
 
@@ -55,9 +53,8 @@ def is_allowed(module: str, name: str, *, annotation: bool) -> bool:
         return True
     if name in ALLOWED.get(module, ()):
         return True
-    return annotation and (
-        name in ANNOTATED.get(module, ()) or (module.startswith("ssgi_cl.techniques.") and name.endswith("Params"))
-    )
+    # For annotations alone, parameters of techniques.
+    return annotation and module.startswith("ssgi_cl.techniques.") and name.endswith("Params")
 
 
 @pytest.mark.parametrize("path", REFERENCES)
@@ -90,6 +87,6 @@ def test_the_check_tells_these_apart(text: str, allowed: bool) -> None:
 
 
 def test_what_is_allowed_holds_data() -> None:
-    for module, names in (ALLOWED | ANNOTATED).items():
+    for module, names in ALLOWED.items():
         for name in names - {"Light"}:  # a union of the others
             assert dataclasses.is_dataclass(getattr(importlib.import_module(module), name)), name

@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from ssgi_cl.bench.every import TECHNIQUES, Inputs, inputs, results
-from ssgi_cl.device.image_limits import VARIABLE
 from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.runtime import Runtime
 
@@ -20,19 +21,18 @@ TEXELS = 16
 GROUPS = ((1, 1), (8, 8))
 """(rows, columns) of work-items, the second as on GPUs."""
 
-ALIKE = (
-    "hbao",
-    "gtao, bent normals",
-    "bitmask ao",
-    "ssdo, bitmask",
-    "ssdo, points",
-    "ssdo, published",
-    "light maps",
-    "vpl splatting",
-    "rsm gathering",
-    "multiresolution splatting",
-)
-"""Techniques nearly all of whose functions others run, or that take seconds to compile again."""
+QUICK = {
+    "drawing": 5,
+    "view normals": 2,
+    "blended layers": 2,
+    "upsampling": 1,
+    "ssao": 2,
+    "gtao": 1,
+    "radiosity": 1,
+    "reflections": 1,
+    "sampled lights": 1,
+}
+"""Technique -> how many of its results; of all other kernels nearly all functions are among theirs."""
 
 WRITE = """
 import sys
@@ -45,14 +45,11 @@ np.savez(sys.argv[1], **results(inputs(runtime, (30, 40), 16), runtime))
 
 
 @pytest.fixture(scope="module")
-def scalar() -> Runtime:
-    """The form that is quickest to compile anew for each size of work-group.
-
-    Its images have 64 rows, so that planes lie in several columns of them.
-    """
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv(VARIABLE, "64x8192")
-        return Runtime.open(lanes=1, storage="image")
+def scalar(plain_images: Runtime) -> Iterator[Runtime]:
+    """One lane on images; what memory held before is spoilt wherever passes share it."""
+    plain_images.transient._spoiling = True
+    yield plain_images
+    plain_images.transient._spoiling = False
 
 
 @pytest.fixture(scope="module")
@@ -60,27 +57,22 @@ def given_once(scalar: Runtime) -> Inputs:
     return inputs(scalar, SIZE, TEXELS)
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in ALIKE)) for name in TECHNIQUES]
-)
+def assert_short_header(runtime: Runtime) -> None:
+    """Check that no kernel needs the full header of built-in functions, which takes longer; PoCL alone has it."""
+    if runtime.device.platform.name == "Portable Computing Language":
+        assert runtime.programs.short_header, "common/builtins.clh lacks a function that a kernel calls"
+
+
+@pytest.mark.parametrize(("name", "count"), QUICK.items())
 def test_one_lane_on_images_gives_the_bits_of_the_default_variant(
-    runtime: Runtime, scalar: Runtime, given_once: Inputs, name: str
+    runtime: Runtime, scalar: Runtime, given_once: Inputs, name: str, count: int
 ) -> None:
     # Both read the same inputs and round alike, so not one bit may differ.
-    wanted = results(given_once, runtime, [name])
-    for key, found in results(given_once, scalar, [name]).items():
-        np.testing.assert_array_equal(found, wanted[key], err_msg=key)
-
-
-def test_no_kernel_needs_the_full_header_of_built_in_functions(
-    runtime: Runtime, scalar: Runtime, given_once: Inputs
-) -> None:
-    if runtime.device.platform.name != "Portable Computing Language":
-        pytest.skip("only PoCL's programs include it")
+    both = zip(*(TECHNIQUES[name](given_once, used) for used in (runtime, scalar)), strict=True)
+    for wanted, found in islice(both, count):
+        np.testing.assert_array_equal(found, wanted)
     for used in (runtime, scalar):
-        results(given_once, used, [name for name in TECHNIQUES if name not in ALIKE])
-        # It is given up where a program compiles with the full header alone, which takes longer.
-        assert used.programs.short_header, "common/builtins.clh lacks a function that a kernel calls"
+        assert_short_header(used)
 
 
 @pytest.mark.slow
@@ -92,6 +84,7 @@ def test_every_form_and_run_gives_bit_identical_results(
     for _ in range(2):
         for key, found in results(given_once, every_variant, [name]).items():
             np.testing.assert_array_equal(found, wanted[key], err_msg=key)
+    assert_short_header(every_variant)
 
 
 @pytest.mark.slow

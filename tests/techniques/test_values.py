@@ -19,6 +19,8 @@ from ssgi_cl.core.params import Params, parameter_fields
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.techniques.filters.upsample import UpsampleParams, coarse_size
 
+from .analytic import slow_but
+
 SIZE = (36, 48)
 NEAR = {"max_radius_px": 6.0}
 SLICES = {"radius": 0.9, "tap_power": 2.5, "bias": 0.1, "contrast": 2.0, **NEAR}
@@ -50,7 +52,8 @@ def on_map(function: Callable[..., Any], number: int = 0) -> Callable[..., Any]:
 
 
 def of_views(given: Inputs, **params: Any) -> Any:
-    return gi.ssdo(given.gbuffer, given.lights[:3], auxiliary_views=[given.view], **params)
+    maps = (*given.maps, None, None)
+    return gi.ssdo(given.single, given.lights, shadow_maps=maps, auxiliary_views=[given.view], **params)
 
 
 def lit(given: Inputs, **params: Any) -> Any:
@@ -118,22 +121,22 @@ CASES = {
     "hbao": Case(
         on_gbuffer(gi.hbao),
         gi.HbaoParams,
-        {"taps": 4, "angle_bias": 0.1},
+        {"angle_bias": 0.1, "blur_radius": 0},
         {"attenuation": 0.2, "angle_bias": 0.5, **SLICES},
     ),
     "gtao": Case(
         on_gbuffer(gi.gtao),
         gi.GtaoParams,
-        {"taps": 4, "falloff": 0.6, "thin_occluder": 0.2, "bent_normals": True},
+        {"taps": 4, "falloff": 0.6, "thin_occluder": 0.2, "bent_normals": True, "blur_radius": 0},
         {"falloff": 0.9, "thin_occluder": 1.0, **SLICES},
     ),
     "bitmask_ao": Case(
-        on_gbuffer(gi.bitmask_ao), gi.BitmaskParams, {"taps": 6}, {"thickness": 0.9, "slack": 2.0, **SLICES}
+        on_gbuffer(gi.bitmask_ao), gi.BitmaskParams, {"blur_radius": 0}, {"thickness": 0.9, "slack": 2.0, **SLICES}
     ),
     "ssdo": Case(
-        lit,
+        lambda given, **params: gi.ssdo(given.gbuffer, given.lights[:1], **params),
         gi.SsdoParams,
-        {"taps": 4, "thickness": 0.1, "resolution": "half"},
+        {"taps": 4, "slices": 1, "thickness": 0.1, "shadow_taps": 0},
         {"radius": 0.9, "thickness": 0.8, **NEAR},
     ),
     "ssdo, auxiliary camera": Case(of_views, gi.SsdoParams, {"taps": 4, "slices": 1}, {"radius": 0.9, **NEAR}),
@@ -211,7 +214,8 @@ MODES: dict[str, dict[str, Any]] = {
     "multires": {"indirect": "multires", "vpls": 64},
     "vpl": {"indirect": "vpl", "vpls": 64, "glossy_vpls": 16},
     "gather": {"indirect": "gather", "ao": False},
-    "ssdo": {"indirect": "ssdo", "layers": 2, "auxiliary_cameras": 2},
+    "ssdo": {"indirect": "ssdo"},
+    "ssdo, auxiliary cameras": {"indirect": "ssdo", "layers": 2, "auxiliary_cameras": 2},
     "ssdo as published": {"indirect": "ssdo", "method": "published"},
 }
 
@@ -273,13 +277,8 @@ def test_every_value_is_tried() -> None:
         assert tried == value_names(kind), kind
 
 
-FAST = ("ssao", "gtao", "multires", "ssdo")
-"""Modes that every run takes; values of the others' techniques are those of `test_values_are_arguments`."""
-
-
-@pytest.mark.parametrize(
-    "name", [name if name in FAST else pytest.param(name, marks=pytest.mark.slow) for name in MODES]
-)
+# Values of the others' techniques are those of `test_values_are_arguments`.
+@pytest.mark.parametrize("name", slow_but(MODES, "ssao", "gtao", "multires", "ssdo"))
 def test_values_of_a_frame_are_arguments(runtime: Runtime, given: Inputs, name: str) -> None:
     def run(params: Mapping[str, Any]) -> list[str]:
         own = dict(params)

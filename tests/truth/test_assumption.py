@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,7 @@ from ssgi_cl.reference.patterns import reflected_points
 from ssgi_cl.techniques.ao.ssao import SsaoParams, sample_points, ssao
 from ssgi_cl.truth import assumption
 
-from ..techniques.analytic import camera, scene
+from ..techniques.analytic import camera, scene, slow_but
 
 RADIUS = 0.6
 
@@ -42,26 +41,26 @@ VARIANTS: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize("variant", slow_but(VARIANTS, "default"))
 def test_kernel_converges_to_it_with_more_samples(runtime: Runtime, variant: str) -> None:
     gbuffer = corner("bumpy")
     params = {"radius": RADIUS, **VARIANTS[variant]}
     truth = assumption.ssao(gbuffer, SsaoParams(**params), 1024)
-    # Each number of samples is a program of its own: all steps are taken where others use it.
-    counts = (4, 256) if "falloff" in params else (4, 16, 64, 256)
+    # Each number of samples is a program of its own: the slow tests take all steps.
+    counts = (4, 256) if variant == "default" or "falloff" in params else (4, 16, 64, 256)
     off = [ssao(gbuffer, samples=samples, blur_radius=0, runtime=runtime, **params) - truth.mean for samples in counts]
     # Points at random would halve the error at each step, to an eighth in all; these are spread
     # better. Measured: 0.33 to 0.63, and 0.10 in all.
     for few, many in pairwise(off):
         assert rms(many) < 0.75 * rms(few)
-    assert rms(off[-1]) < 0.125 * rms(off[0])
+    assert rms(many) < 0.125 * rms(off[0])
     # A tile of 16 pixels takes 16 times as many points, so that the mean is off by no more than
     # the truth is, which is a half to a third of what the kernel is (measured).
-    assert abs(float(off[-1].mean())) < rms(truth.error) < 0.6 * rms(off[-1])
+    assert abs(float(many.mean())) < rms(truth.error) < 0.6 * rms(many)
 
 
 def test_stated_error_is_about_the_actual_error() -> None:
-    gbuffer = corner("bumpy")
+    gbuffer = corner("bumpy", size=(12, 15))
     best = assumption.ssao(gbuffer, SsaoParams(radius=RADIUS), 2048)
     truth = assumption.ssao(gbuffer, SsaoParams(radius=RADIUS), 512)
     # All pixels take the same points, so that the ratio itself is known to about a third only.
@@ -91,10 +90,10 @@ def test_passes_are_stretches_of_one_list() -> None:
 
 
 def test_greatest_occlusion_of_several_radii_counts() -> None:
-    gbuffer = corner(size=(12, 15))
+    gbuffer = corner(size=(9, 11))
     radii = (0.2, 0.6, 1.5)
-    truth = assumption.ssao(gbuffer, SsaoParams(radius=radii), 512)
-    single = [assumption.ssao(gbuffer, SsaoParams(radius=r), 512) for r in radii]
+    truth = assumption.ssao(gbuffer, SsaoParams(radius=radii), 256)
+    single = [assumption.ssao(gbuffer, SsaoParams(radius=r), 256) for r in radii]
     np.testing.assert_array_equal(truth.mean, np.min([t.mean for t in single], axis=0))
     chosen = np.argmin([t.mean for t in single], axis=0)
     for index, one in enumerate(single):
@@ -111,7 +110,8 @@ def test_nothing_is_open() -> None:
     np.testing.assert_array_equal(truth.error, 0.0)
 
 
-def test_only_what_changes_the_model_makes_another_truth(folder: Path) -> None:
+def test_only_what_changes_the_model_makes_another_truth(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(assumption, "visibility", lambda view, params, points: np.ones((4, 5)))
     gbuffer = corner(size=(4, 5))
 
     def key(**params: Any) -> str:
@@ -147,8 +147,8 @@ def test_only_what_changes_the_model_makes_another_truth(folder: Path) -> None:
 
 
 def test_interrupted_truth_goes_on_and_gives_bit_identical_results() -> None:
-    gbuffer, params = corner(size=(9, 11)), SsaoParams(radius=(0.3, RADIUS))
-    whole = assumption.ssao(gbuffer, params, 1024)
+    gbuffer, params = corner(size=(4, 5)), SsaoParams(radius=(0.3, RADIUS))
+    whole = assumption.ssao(gbuffer, params, 512)
     store.clear()
 
     def interrupt(done: float) -> None:
@@ -156,9 +156,9 @@ def test_interrupted_truth_goes_on_and_gives_bit_identical_results() -> None:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        assumption.ssao(gbuffer, params, 1024, progress=interrupt)
+        assumption.ssao(gbuffer, params, 512, progress=interrupt)
     told: list[float] = []
-    again = assumption.ssao(gbuffer, params, 1024, progress=told.append)
+    again = assumption.ssao(gbuffer, params, 512, progress=told.append)
     np.testing.assert_array_equal(again.mean, whole.mean)
     np.testing.assert_array_equal(again.error, whole.error)
     # The first radius is kept; of the second, only what was not done is done.

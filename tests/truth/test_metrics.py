@@ -54,14 +54,6 @@ def test_psnr_of_a_tenth_of_the_peak_is_20_db() -> None:
     assert metrics.psnr(truth + 0.1, truth, peak=10.0) == pytest.approx(40.0, rel=1e-9)
 
 
-def test_ssim_of_two_flat_images_is_that_of_their_means() -> None:
-    a, b = 0.3, 0.7
-    # No variance: only the means count. Windows at the rim are weighted by what lies inside.
-    expected = (2 * a * b + 1e-4) / (a * a + b * b + 1e-4)
-    value = metrics.ssim(np.full((15, 13), a), np.full((15, 13), b))
-    assert value == pytest.approx(expected, rel=1e-12)
-
-
 def test_ssim_in_the_middle_of_a_window_is_that_computed_by_hand(rng: np.random.Generator) -> None:
     image, truth = rng.random((11, 11)), rng.random((11, 11))
     mask = np.ones((11, 11), np.bool_)
@@ -135,30 +127,13 @@ def test_pixels_outside_the_mask_have_no_say(metric: Metric, rng: np.random.Gene
         assert called(metric, image, truth, mask) == first
 
 
-@pytest.mark.parametrize("metric", PLAIN[:5], ids=lambda m: m.__name__)
+@pytest.mark.parametrize("metric", PLAIN, ids=lambda m: m.__name__)
 def test_mask_is_the_same_as_cutting_the_rest_off(metric: Metric, rng: np.random.Generator) -> None:
     truth, image = rng.random((24, 30, 3)), rng.random((24, 30, 3))
     mask = np.zeros((24, 30), np.bool_)
     mask[3:9, 5:25] = True
     cut = (slice(3, 9), slice(5, 25))
     assert metric(image, truth, mask) == pytest.approx(metric(image[cut], truth[cut]), rel=1e-12)
-
-
-def test_ssim_of_a_masked_image_is_that_of_the_rest_alone(rng: np.random.Generator) -> None:
-    truth, image = rng.random((24, 30)), rng.random((24, 30))
-    mask = np.zeros((24, 30), np.bool_)
-    mask[3:19, 5:25] = True
-    alone = metrics.ssim(image[3:19, 5:25], truth[3:19, 5:25])
-    # About the same middle; another order of sums.
-    assert metrics.ssim(image, truth, mask) == pytest.approx(alone, rel=1e-9)
-
-
-@pytest.mark.parametrize("metric", PLAIN + FLIPS, ids=lambda m: m.__name__)
-def test_worse_image_is_rated_worse(metric: Metric, rng: np.random.Generator) -> None:
-    truth = np.full((24, 30), 0.4)
-    noise = np.abs(rng.standard_normal(truth.shape))
-    little, much = (called(metric, truth + s * noise, truth) for s in (0.02, 0.1))
-    assert little > much if metric in BEST else little < much
 
 
 # ---- bad input

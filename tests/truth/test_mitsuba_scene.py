@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,6 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.errors import MissingExtraError
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light
 from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.device.runtime import Runtime
@@ -81,8 +79,18 @@ def above(size: int = 64) -> Camera:
     return Camera.orthographic((0, 2, 0), (0, 0, 0), (0, 0, -1), view_height=1.9, width=size, height=size)
 
 
-@pytest.mark.parametrize("textured", [False, True])
-@pytest.mark.parametrize("colored", ["white", "uniform", "varying"])
+@pytest.mark.parametrize(
+    ("textured", "colored"),
+    [
+        (True, "uniform"),
+        (True, "varying"),
+        (False, "varying"),
+        *(
+            pytest.param(*case, marks=pytest.mark.slow)
+            for case in ((False, "uniform"), (False, "white"), (True, "white"))
+        ),
+    ],
+)
 def test_albedo_is_that_of_the_rasteriser_pixel_by_pixel(
     textured: bool, colored: str, variant: str, runtime: Runtime, rng: np.random.Generator
 ) -> None:
@@ -146,7 +154,7 @@ def test_holes_let_sight_and_light_through(variant: str, runtime: Runtime, rng: 
         materials=(*grate["materials"], *floor["materials"]),
         textures=(texture,),
     )
-    camera = above(96)
+    camera = above(64)
     seen = gbuffer(scene, camera, runtime=runtime)
     hole = np.asarray(seen.depth) > 1.75
     assert 0.2 < hole.mean() < 0.8
@@ -223,9 +231,3 @@ def test_without_libllvm_the_scalar_variant_is_taken(monkeypatch: pytest.MonkeyP
         assert mitsuba_scene.best_variant() == "scalar_rgb"
     finally:
         mitsuba_scene.best_variant.cache_clear()
-
-
-def test_missing_package_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "mitsuba", None)
-    with pytest.raises(MissingExtraError, match=r"pip install 'ssgi-cl\[truth\]'"):
-        mitsuba_scene.mitsuba()

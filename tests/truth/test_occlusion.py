@@ -5,11 +5,11 @@ Rays are drawn by a fixed rule, so that every test gives the same numbers in eve
 
 from __future__ import annotations
 
-import functools
 import math
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -19,12 +19,11 @@ import pytest
 from numpy.typing import NDArray
 
 import ssgi_cl.truth.ray_ao as estimator
-import ssgi_cl.truth.store as store
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.errors import MissingExtraError, TruthError
+from ssgi_cl.core.errors import MissingExtraError
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.scene import Scene
-from ssgi_cl.truth import ambient_occlusion
+from ssgi_cl.truth import ambient_occlusion, layered_occlusion
 
 from ..closed_forms import (
     FAR,
@@ -71,32 +70,21 @@ def sphere(lift: float, weighting: str) -> Case:
     return Case(scene, camera, math.inf, 1.0 - hidden_by_sphere(camera, lift, weighting), 2e-4)
 
 
-@functools.cache
-def fine_ball() -> Scene:
-    mesh = ball(6)
-    return made(mesh.vertices, mesh.faces)
-
-
-def inside_sphere(reach: float, attenuation: str, weighting: str) -> Case:
+def inside_sphere(reach: float, weighting: str) -> Case:
     """A furnace with attenuation: from a sphere's inside at angle t, the wall is at 2 cos t.
 
-    With k = 2 / reach, what is hidden is the integral of W(k c) 2 c dc ("cosine") or W(k c) dc
-    over c = cos t in [0, min(1, 1 / k)].
+    With k = 2 / reach, what is hidden is the integral of exp(-k c) 2 c dc ("cosine") or
+    exp(-k c) dc over c = cos t in [0, 1].
     """
-    k, cosine = 2.0 / reach, weighting == "cosine"
-    if attenuation == "none":
-        hidden = min(1.0, 1.0 / k) ** (2 if cosine else 1)
-    elif attenuation == "linear":
-        hidden = 1.0 - 2.0 * k / 3.0 if cosine else 1.0 - k / 2.0
-    elif attenuation == "quadratic":
-        hidden = 1.0 - k * k / 2.0 if cosine else 1.0 - k * k / 3.0
-    else:
-        hidden = 2.0 * (1.0 - math.exp(-k) * (1.0 + k)) / k**2 if cosine else (1.0 - math.exp(-k)) / k
+    k = 2.0 / reach
+    hidden = (1.0 - math.exp(-k)) / k
+    if weighting == "cosine":
+        hidden = 2.0 * (1.0 - math.exp(-k) * (1.0 + k)) / k**2
+    mesh = ball()
     camera = Camera.look_at((0.1, 0.2, 0.3), (0.7, -0.5, 0.2), yfov=0.9, width=48, height=48)
-    # A facet is 0.02 wide: below that angle rays meet the next facet at a distance that is off
-    # by up to its size, 0.02 / reach, which 0.02 of all directions do ("uniform").
-    other = 5e-4
-    return Case(fine_ball(), camera, reach, 1.0 - hidden, other, attenuation)
+    # A facet is 0.04 wide: below that angle rays meet the next facet at a distance that is off
+    # by up to its size, 0.04 / reach, which 0.04 of all directions do ("uniform").
+    return Case(made(mesh.vertices, mesh.faces), camera, reach, 1.0 - hidden, 5e-4, "exponential")
 
 
 CASES: dict[str, Callable[[str], Case]] = {
@@ -117,20 +105,29 @@ CASES: dict[str, Callable[[str], Case]] = {
     ),
     "sphere that touches the plane": lambda w: sphere(1.0, w),
     "sphere above the plane": lambda w: sphere(1.6, w),
-    "inside a sphere": lambda w: inside_sphere(1.3, "none", w),
-    "inside a sphere, linear": lambda w: inside_sphere(2.5, "linear", w),
-    "inside a sphere, quadratic": lambda w: inside_sphere(2.5, "quadratic", w),
-    "inside a sphere, exponential": lambda w: inside_sphere(2.5, "exponential", w),
+    "inside a sphere, exponential": lambda w: inside_sphere(2.5, w),
 }
 
 
-LONG = ("inside a sphere", "inside a sphere, linear", "inside a sphere, quadratic")
-"""The attenuations of these are those of cases with fewer triangles too."""
+FAST = {
+    "corner of two planes": "uniform",
+    "corner of three planes": "cosine",
+    "wall, linear": "cosine",
+    "wall, quadratic": "cosine",
+    "two walls within the radius": "cosine",
+    "sphere that touches the plane": "cosine",
+    "inside a sphere, exponential": "cosine",
+}
+"""Cases and weightings that are of one kind with all others, or with fewer triangles."""
 
 
-@pytest.mark.parametrize("weighting", ["cosine", pytest.param("uniform", marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for name in CASES]
+    ("name", "weighting"),
+    [
+        pytest.param(name, weighting, marks=() if FAST.get(name) == weighting else pytest.mark.slow)
+        for name in CASES
+        for weighting in ("cosine", "uniform")
+    ],
 )
 def test_truth_is_within_its_standard_errors_of_the_closed_form(name: str, weighting: str) -> None:
     case = CASES[name](weighting)
@@ -150,16 +147,12 @@ def test_truth_is_within_its_standard_errors_of_the_closed_form(name: str, weigh
     assert beyond < 0.04
 
 
-def test_uniform_directions_count_alike() -> None:
-    test_truth_is_within_its_standard_errors_of_the_closed_form(next(iter(CASES)), "uniform")
-
-
 @pytest.mark.parametrize("weighting", ["cosine", "uniform"])
 @pytest.mark.parametrize("radius", [0.5, math.inf])
 def test_open_plane_is_open_without_error(weighting: str, radius: float) -> None:
     floor = quads(((-5, 0, -5), (0, 0, 10), (10, 0, 0)))
     camera = Camera.look_at((0, 2, 3), (0, 0, 0), width=32, height=24)
-    truth = ambient_occlusion(floor, camera, radius, 128, weighting=weighting)
+    truth = ambient_occlusion(floor, camera, radius, 32, weighting=weighting)
     np.testing.assert_array_equal(truth.mean, 1.0)
     np.testing.assert_array_equal(truth.error, 0.0)
 
@@ -169,7 +162,7 @@ def test_furnace_is_black_without_error(weighting: str) -> None:
     mesh = ball(3)
     camera = Camera.look_at((0.1, 0.2, 0.3), (0.4, -0.4, -0.5), yfov=1.8, width=40, height=30)
     room = made(mesh.vertices, mesh.faces)
-    truth = ambient_occlusion(room, camera, math.inf, 128, weighting=weighting)
+    truth = ambient_occlusion(room, camera, math.inf, 64, weighting=weighting)
     np.testing.assert_array_equal(truth.mean, 0.0)
     np.testing.assert_array_equal(truth.error, 0.0)
 
@@ -205,6 +198,7 @@ def test_progress_grows_to_one_within_passes_too() -> None:
     assert told[-1] == 1.0
 
 
+@pytest.mark.slow
 def test_more_rays_are_nearer_to_the_truth() -> None:
     scene, camera = posts()
     best = ambient_occlusion(scene, camera, 1.0, 4096).mean
@@ -227,19 +221,27 @@ def posts() -> tuple[Scene, Camera]:
     return quads(((-4, 0, -4), (0, 0, 8), (8, 0, 0)), post), camera
 
 
-def test_kept_truth_is_returned_without_a_ray(monkeypatch: pytest.MonkeyPatch) -> None:
-    first = ambient_occlusion(*posts(), 1.0, 128)
+@pytest.mark.parametrize("layered", [False, True])
+def test_kept_truth_is_returned_without_a_ray(monkeypatch: pytest.MonkeyPatch, layered: bool) -> None:
+    scene, camera = posts()
+    seen = GBuffer(camera=camera, depth=np.full(camera.size, 2.0, np.float32))
+    call = partial(layered_occlusion, seen) if layered else partial(ambient_occlusion, scene, camera)
+    told: list[float] = []
+    first = call(1.0, 128, progress=told.append)
+    assert told == sorted(told)
+    assert told[-1] == 1.0
 
     def never(*arguments: Any, **options: Any) -> Any:
         raise AssertionError("rays were cast")
 
-    monkeypatch.setattr(estimator, "ray_ao", never)
-    assert same(ambient_occlusion(*posts(), 1.0, 128), first)
+    monkeypatch.setattr(estimator.RayAo, "__call__", never)
+    assert same(call(1.0, 128), first)
     with pytest.raises(AssertionError, match="rays were cast"):
-        ambient_occlusion(*posts(), 1.0, 128, rebuild=True)
+        call(1.0, 128, rebuild=True)
 
 
 def test_whatever_changes_the_rays_makes_another_truth(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(estimator, "ray_ao", lambda scene, camera, *rest, **named: np.ones(camera.size))
     scene, camera = posts()
     depth = np.full(camera.size, 2.0, np.float32)
     up = np.tile(np.array((0.0, 1.0, 0.0), np.float32), (*camera.size, 1))
@@ -264,37 +266,6 @@ def test_whatever_changes_the_rays_makes_another_truth(monkeypatch: pytest.Monke
     monkeypatch.setattr("ssgi_cl.truth.raycast.embree_version", lambda: "0.0")
     keys.append(ambient_occlusion(scene, camera, 1.0, 16).key)
     assert len(set(keys)) == len(keys)
-
-
-def test_interrupted_truth_goes_on_and_gives_bit_identical_results(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    whole = ambient_occlusion(*posts(), 1.0, 512)
-    store.clear()
-
-    def interrupt(done: float) -> None:
-        if done > 0.4:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        ambient_occlusion(*posts(), 1.0, 512, progress=interrupt)
-    assert [path.name.endswith(".partial.npz") for path in folder.iterdir()] == [True]
-    told: list[float] = []
-    assert same(ambient_occlusion(*posts(), 1.0, 512, progress=told.append), whole)
-    assert min(told) > 3 / 8  # three passes were there
-    assert [path.name.endswith(".partial.npz") for path in folder.iterdir()] == [False]
-
-
-def test_truth_of_another_resolution_in_its_place_is_refused(folder: Path) -> None:
-    scene, camera = posts()
-    ambient_occlusion(scene, camera, 1.0, 16)
-    (asked,) = folder.iterdir()
-    ambient_occlusion(scene, replace(camera, width=24, height=18), 1.0, 16)
-    (other,) = set(folder.iterdir()) - {asked}
-    other.replace(asked)
-    with pytest.raises(TruthError, match=r"size is \[18, 24\]: expected \[36, 48\].*--rebuild"):
-        ambient_occlusion(scene, camera, 1.0, 16)
-    assert ambient_occlusion(scene, camera, 1.0, 16, rebuild=True).mean.shape == (36, 48)
 
 
 # ---- bad input
@@ -328,3 +299,5 @@ def test_missing_package_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setitem(sys.modules, "embreex", None)
     with pytest.raises(MissingExtraError, match=r"ssgi-cl\[truth\]"):
         ambient_occlusion(*posts(), 1.0)
+    with pytest.raises(MissingExtraError, match=r"ssgi-cl\[truth\]"):
+        layered_occlusion(GBuffer(camera=posts()[1], depth=np.ones((36, 48), np.float32)), 1.0)

@@ -3,161 +3,52 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.errors import MissingExtraError
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight
-from ssgi_cl.core.scene import Material, Scene
+from ssgi_cl.core.scene import Scene
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.reference.direct.shade import sky_reference
 from ssgi_cl.truth import mitsuba_scene, radiance_tracer, store
 from ssgi_cl.truth.light import direct_light, one_bounce
-from ssgi_cl.truth.mitsuba_scene import MitsubaScene
-from ssgi_cl.truth.path_tracer import PathTracer, Surface
 from ssgi_cl.truth.radiance import radiance
 from ssgi_cl.truth.radiance_tracer import RadianceTracer
-from ssgi_cl.truth.store import Truth
+
+from .surfaces import BOX, FLOOR, INSIDE, PANEL, above, closely, grey, quads
+from .test_mitsuba_scene import Albedo
 
 pytest.importorskip("mitsuba", reason="mitsuba is not installed (extra 'truth')")
-
-Floats = NDArray[np.float32]
-
-STANDARD_ERRORS = 3.0
-"""The mean over an image is that many of its standard errors from what is expected, at most."""
-ROUNDING = 2e-5
-"""Relative, of float32 positions."""
-
-
-def quads(*parts: Sequence[Sequence[float]], materials: Sequence[Material], **rest: Any) -> Scene:
-    """Return a scene of parallelograms (corner and two edges), the material of each in turn."""
-    corners = []
-    for part in parts:
-        corner, first, second = (np.asarray(p, np.float64) for p in part)
-        corners += [corner, corner + first, corner + first + second, corner + second]
-    faces = [[4 * i + k for k in t] for i in range(len(parts)) for t in ((0, 1, 2), (0, 2, 3))]
-    points = np.asarray(corners, np.float32)
-    uvs = np.tile(np.float32([[0, 0], [0, 1], [1, 1], [1, 0]]), (len(parts), 1))
-    return Scene(**{
-        "positions": points, "normals": np.zeros_like(points), "uvs": uvs,
-        "colors": np.ones_like(points), "triangles": np.asarray(faces, np.int32),
-        "material_ids": np.repeat(np.arange(len(parts)) % len(materials), 2),
-        "materials": tuple(materials), **rest,
-    })  # fmt: skip
-
-
-BOX = (
-    ((0, 0, 0), (1, 0, 0), (0, 1, 0)), ((0, 0, 1), (1, 0, 0), (0, 1, 0)),
-    ((0, 0, 0), (0, 1, 0), (0, 0, 1)), ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
-    ((0, 0, 0), (1, 0, 0), (0, 0, 1)), ((0, 1, 0), (1, 0, 0), (0, 0, 1)),
-)  # fmt: skip
-FLOOR = ((-5, 0, -5), (0, 0, 10), (10, 0, 0))
-INSIDE = Camera.look_at((0.3, 0.6, 0.8), (0.7, 0.2, 0.1), width=24, height=16, yfov=1.2)
-
-
-def above(width: int = 32, height: int = 24) -> Camera:
-    return Camera.look_at((0.5, 3.0, 1.5), (0.2, 0.0, -0.3), width=width, height=height)
-
-
-def grey(albedo: float, emission: float = 0.0) -> Material:
-    return Material(albedo=(albedo,) * 3, emission=(emission,) * 3)
-
-
-def closely(truth: Truth, expected: ArrayLike, expected_error: ArrayLike = 0.0) -> None:
-    """Assert that the mean of each channel is as expected within the standard errors of both."""
-    off = np.mean(truth.mean.astype(np.float64) - expected, axis=(0, 1))
-    squares = truth.error.astype(np.float64) ** 2 + np.asarray(expected_error, np.float64) ** 2
-    own = np.sqrt(np.sum(np.broadcast_to(squares, truth.mean.shape), axis=(0, 1)))
-    own /= truth.mean.shape[0] * truth.mean.shape[1]
-    floor = ROUNDING * np.mean(np.broadcast_to(expected, truth.mean.shape))
-    assert (np.abs(off) <= STANDARD_ERRORS * own + floor).all(), (off, own)
-    assert (own < 0.03 * np.mean(expected)).all(), "the test would notice nothing"
-
-
-def mitsubas_own(
-    scene: Scene, lights: Sequence[Light], camera: Camera, samples: int, *, kind: str = "path", **options: Any
-) -> tuple[Floats, Floats]:
-    """Return the mean of four images by an integrator of Mitsuba's own, and its standard error."""
-    variant = mitsuba_scene.best_variant()
-    if variant == "scalar_rgb":
-        pytest.skip("too slow without LLVM 17 or later")
-    with mitsuba_scene.within(variant) as mi:
-        world = MitsubaScene.of(scene, lights, variant, emission="emitters", lobes="surfaces", through="surfaces")
-        integrator = mi.load_dict({"type": kind, "max_depth": -1, **options})
-        sensor = mi.load_dict(mitsuba_scene.sensor(mi, world, camera))
-        images = [
-            np.array(mi.render(world.scene, sensor=sensor, integrator=integrator, spp=samples, seed=seed))
-            for seed in range(4)
-        ]
-    return np.mean(images, axis=0), np.std(images, axis=0, ddof=1) / 2.0
-
-
-class Albedo(PathTracer):
-    """The reflectance of what is seen, without the mip levels that the rasteriser takes it from."""
-
-    def estimate(self, seen: Surface, numbers: Sequence[Any]) -> Any:
-        return seen.albedo
 
 
 # ---- closed forms
 
 
-@pytest.mark.parametrize("albedo", [pytest.param(0.5, marks=pytest.mark.slow), 0.8])
-def test_closed_furnace_shines_as_the_geometric_series(albedo: float) -> None:
+@pytest.mark.parametrize(
+    ("albedo", "bounces"),
+    [
+        (0.8, "all"),
+        (0.7, 0),
+        (0.7, 5),
+        *(pytest.param(*case, marks=pytest.mark.slow) for case in ((0.5, "all"), (0.7, 1))),
+    ],
+)
+def test_furnace_shines_as_the_geometric_series(albedo: float, bounces: Any) -> None:
     furnace = quads(*BOX, materials=[grey(albedo, 2.0)])
-    closely(radiance(furnace, INSIDE, [], 128), 2.0 / (1.0 - albedo))
-
-
-@pytest.mark.parametrize("bounces", [0, pytest.param(1, marks=pytest.mark.slow), 5])
-def test_furnace_of_so_many_bounces_is_the_partial_sum(bounces: int) -> None:
-    furnace = quads(*BOX, materials=[grey(0.7, 2.0)])
     # Emission is seen, and reflected once more than light bounces.
-    expected = 2.0 * sum(0.7**k for k in range(bounces + 2))
-    closely(radiance(furnace, INSIDE, [], 64, bounces), expected)
-
-
-@pytest.mark.slow
-def test_one_small_emitter_in_a_box_gives_what_its_flux_says() -> None:
-    # All light is absorbed: integral of radiosity (1 - albedo) over walls = flux. Albedo 0 on
-    # the light, so the walls' mean irradiance is flux / area / (1 - albedo), if none returns to it.
-    punctual_light = ((0.499, 0.5, 0.499), (0, 0, 0.002), (0.002, 0, 0))
-    scene = quads(*BOX, punctual_light, materials=[grey(0.5)] * 6 + [grey(0.0, 1e5)])
-    flux = 2.0 * math.pi * 1e5 * 0.002**2
-    total, squares = 0.0, 0.0
-    for eye, at in _wall_views():
-        camera = Camera.orthographic(
-            eye, at, (0, 0, 1) if at[1] != 0.5 else (0, 1, 0), view_height=1.0, width=16, height=16, near=1e-3, far=2.0
-        )
-        found = radiance(scene, camera, [], 64, box_filter=True)
-        total += float(found.mean[..., 0].mean()) / 6.0
-        squares += float((found.error[..., 0].astype(np.float64) ** 2).sum()) / (6 * 256) ** 2
-    expected = flux / 6.0 * 0.5 / math.pi / 0.5
-    assert abs(total - expected) < STANDARD_ERRORS * math.sqrt(squares) + 1e-3 * expected
-    assert math.sqrt(squares) < 0.02 * expected
-
-
-def _wall_views() -> list[tuple[tuple[float, ...], tuple[float, ...]]]:
-    """Return (eye, target) of views on each wall of BOX from in front of the light."""
-    views = []
-    for axis in range(3):
-        for side in (0.0, 1.0):
-            eye, at = [0.5, 0.5, 0.5], [0.5, 0.5, 0.5]
-            eye[axis], at[axis] = (0.1, 0.0) if side == 0.0 else (0.9, 1.0)
-            views.append((tuple(eye), tuple(at)))
-    return views
+    terms = 200 if bounces == "all" else bounces + 2
+    camera = replace(INSIDE, width=72, height=48)
+    closely(radiance(furnace, camera, [], 4, bounces), 2.0 * sum(albedo**k for k in range(terms)))
 
 
 @pytest.mark.slow
 def test_emission_is_seen_from_both_sides_and_lights_both() -> None:
-    panel = ((-1, 1, -1), (0, 0, 2), (2, 0, 0))
-    scene = quads(FLOOR, panel, materials=[grey(0.0), grey(0.0, 3.0)])
+    scene = quads(FLOOR, PANEL, materials=[grey(0.0), grey(0.0, 3.0)])
     for height in (2.0, 0.5):
         camera = Camera.look_at((0, height, 0), (0, 1, 0), (0, 0, 1), width=8, height=8, yfov=0.3)
         np.testing.assert_allclose(radiance(scene, camera, [], 4).mean, 3.0, rtol=1e-6)
@@ -169,7 +60,7 @@ def test_emission_is_seen_from_both_sides_and_lights_both() -> None:
             256,
             0,
         )
-        for part in (panel, (panel[0], panel[2], panel[1]))
+        for part in (PANEL, (PANEL[0], PANEL[2], PANEL[1]))
     ]
     closely(lit[0], lit[1].mean, lit[1].error)
 
@@ -178,11 +69,10 @@ def test_emission_is_seen_from_both_sides_and_lights_both() -> None:
 def test_cut_out_emission_shines_where_it_is_not_cut_out() -> None:
     texture = np.zeros((8, 8, 4), np.uint8)
     texture[:, :4, 3] = 255  # half of it is there
-    sheet = ((-1, 1, -1), (0, 0, 2), (2, 0, 0))
     material = replace(grey(0.0, 3.0), texture=0, alpha_cutoff=0.5)
     floor = Camera.look_at((0, 0.5, 0), (0, 0, 0), (0, 0, 1), width=8, height=8, yfov=0.3)
-    holes = quads(FLOOR, sheet, materials=[grey(0.5), material], textures=(texture,))
-    whole = radiance(quads(FLOOR, sheet, materials=[grey(0.5), grey(0.0, 3.0)]), floor, [], 256, 0)
+    holes = quads(FLOOR, PANEL, materials=[grey(0.5), material], textures=(texture,))
+    whole = radiance(quads(FLOOR, PANEL, materials=[grey(0.5), grey(0.0, 3.0)]), floor, [], 256, 0)
     halved = radiance(holes, floor, [], 256, 0)
     assert 0.4 < halved.mean.mean() / whole.mean.mean() < 0.6
 
@@ -190,18 +80,31 @@ def test_cut_out_emission_shines_where_it_is_not_cut_out() -> None:
 # ---- other truths
 
 
-@pytest.mark.slow
-def test_one_bounce_and_direct_light_add_up_to_the_radiance() -> None:
+def parlour() -> tuple[Scene, Camera, Sequence[Light]]:
     view = BUILTIN_SCENES["parlour"]()
-    camera = view.camera(48, 36)
+    return view.scene, view.camera(48, 36), view.lights
+
+
+def bright_texel() -> tuple[Scene, Camera, Sequence[Light]]:
+    """Return a wall on a floor, and a sky of which sampling by importance matters."""
+    image = np.full((8, 16, 3), 0.05)
+    image[1, 5] = 40.0
+    scene = quads(FLOOR, ((-1, 0, -1), (0, 2, 0), (0, 0, 2)), materials=[grey(0.6)])
+    camera = Camera.look_at((3, 3, 2), (0.5, 0, 0), width=24, height=16, yfov=0.4)
+    return scene, camera, [Environment(image)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("make", "paths"), [(parlour, 128), (bright_texel, 256)])
+def test_one_bounce_and_direct_light_add_up_to_the_radiance(make: Any, paths: int) -> None:
+    scene, camera, lights = make()
     variant = mitsuba_scene.best_variant()
     with mitsuba_scene.within(variant):
-        albedo = Albedo(view.scene, view.lights, variant).image(camera, 1, 0)
+        albedo = Albedo(scene, lights, variant).image(camera, 1, 0)
     assert (albedo > 0.0).any(axis=-1).all(), "something is seen everywhere"
-    direct, bounce = (make(view.scene, camera, view.lights, 128)
-                      for make in (direct_light, one_bounce))  # fmt: skip
+    direct, bounce = (make(scene, camera, lights, paths) for make in (direct_light, one_bounce))
     share = albedo / math.pi
-    found = [radiance(view.scene, camera, view.lights, 128, bounces) for bounces in (0, 1)]
+    found = [radiance(scene, camera, lights, paths, bounces) for bounces in (0, 1)]
     closely(found[0], share * direct.mean, share * direct.error)
     closely(found[1], share * (direct.mean + bounce.mean), share * np.hypot(direct.error, bounce.error))
 
@@ -216,42 +119,22 @@ def test_without_bounces_lights_alone_are_exact_and_emission_is_added() -> None:
     assert (found.error == 0.0).all()
     expected = 0.6 / math.pi * direct_light(dark, above(), lights).mean
     np.testing.assert_allclose(found.mean, expected, rtol=1e-6)
-    glowing = radiance(scene, above(), lights, 16, 0)
+    glowing = radiance(scene, above(), lights, 1, 0)
     np.testing.assert_allclose(glowing.mean, expected + 0.25, rtol=1e-5)  # a plane lights no plane
 
 
 def test_where_nothing_is_the_environments_are_seen(rng: np.random.Generator) -> None:
-    panel = ((-1, 1, -1), (0, 0, 2), (2, 0, 0))
     image = rng.random((6, 9, 3))
     lights = [Environment(image), Environment((0.1, 0.2, 0.3))]
     camera = Camera.look_at((0, 3, 2), (0, 1, 0), width=32, height=24, yfov=1.4)
-    found = radiance(quads(panel, materials=[grey(0.0)]), camera, lights, 4)
+    found = radiance(quads(PANEL, materials=[grey(0.0)]), camera, lights, 1)
     expected = sky_reference(lights, camera)
     away = (found.mean != 0.0).any(axis=-1)
     assert 0.3 < away.mean() < 0.95
     # Texels end at roundings of float32 directions: of a few pixels at most.
     same = np.isclose(found.mean, expected, rtol=1e-5).all(axis=-1)
     assert (same == away).mean() > 0.995
-    assert (radiance(quads(panel, materials=[grey(0.0)]), camera, [], 4).mean == 0.0).all()
-
-
-@pytest.mark.slow
-def test_environment_image_reaches_the_last_vertex_too(rng: np.random.Generator) -> None:
-    # One bright texel, so that importance sampling matters; the same light as `direct_light`.
-    image = np.full((8, 16, 3), 0.05)
-    image[1, 5] = 40.0
-    wall = ((-1, 0, -1), (0, 2, 0), (0, 0, 2))
-    scene = quads(FLOOR, wall, materials=[grey(0.6)])
-    camera = Camera.look_at((3, 3, 2), (0.5, 0, 0), width=24, height=16, yfov=0.4)
-    lights = [Environment(image)]
-    direct, bounce = (make(scene, camera, lights, 256) for make in (direct_light, one_bounce))
-    share = 0.6 / math.pi
-    closely(radiance(scene, camera, lights, 256, 0), share * direct.mean, share * direct.error)
-    closely(
-        radiance(scene, camera, lights, 256, 1),
-        share * (direct.mean + bounce.mean),
-        share * np.hypot(direct.error, bounce.error),
-    )
+    assert (radiance(quads(PANEL, materials=[grey(0.0)]), camera, [], 1).mean == 0.0).all()
 
 
 def test_box_filter_is_the_mean_of_sixteen_cameras() -> None:
@@ -261,24 +144,14 @@ def test_box_filter_is_the_mean_of_sixteen_cameras() -> None:
                   materials=[grey(0.0)] * 10 + [grey(0.0, 1.0)])  # fmt: skip
     camera = Camera.look_at((0, 0, 2), (0, 0, 0), width=24, height=16, yfov=0.8)
     fine = Camera.look_at((0, 0, 2), (0, 0, 0), width=96, height=64, yfov=0.8)
-    centres = radiance(scene, fine, [], 4).mean[..., 0]
+    centres = radiance(scene, fine, [], 1, 0).mean[..., 0]
     expected = centres.reshape(16, 4, 24, 4).mean(axis=(1, 3))
-    found = radiance(scene, camera, [], 256, box_filter=True).mean[..., 0]
+    found = radiance(scene, camera, [], 128, 0, box_filter=True).mean[..., 0]
     # 16 samples miss the area covered by an edge by at most about 1 / 8 of a pixel.
     np.testing.assert_allclose(found, expected, atol=0.13)
     assert abs(float((found - expected).mean())) < 0.01
     assert np.ptp(found) > 0.9
     assert ((found > 0.1) & (found < 0.9)).mean() > 0.2
-
-
-@pytest.mark.parametrize(
-    "name", ["cornell_box", *(pytest.param(name, marks=pytest.mark.slow) for name in ("parlour", "workshop"))]
-)  # the last is glossy
-def test_mitsubas_own_integrator_finds_the_same(name: str) -> None:
-    view = BUILTIN_SCENES[name]()
-    camera = view.camera(40, 30)
-    found = radiance(view.scene, camera, view.lights, 128, box_filter=True)
-    closely(found, *mitsubas_own(view.scene, view.lights, camera, 64, rr_depth=8))
 
 
 # ---- noise
@@ -304,34 +177,21 @@ def test_passes_are_independent_and_repeatable() -> None:
     camera = view.camera(24, 18)
     with mitsuba_scene.within(mitsuba_scene.best_variant()):
         tracer = RadianceTracer(view.scene, view.lights, mitsuba_scene.best_variant())
-        images = [tracer.image(camera, 4, seed) for seed in range(24)]
+        images = [tracer.image(camera, 4, seed) for seed in range(12)]
         again = tracer.image(camera, 4, 3)
     np.testing.assert_array_equal(images[3], again)
     off = np.stack(images).astype(np.float64)
-    off = (off - off.mean(axis=0)).reshape(24, -1)
-    related = np.corrcoef(off)[np.triu_indices(24, 1)]
-    assert abs(related.mean() + 1.0 / 23.0) < 0.02  # of deviations from their own mean
+    off = (off - off.mean(axis=0)).reshape(12, -1)
+    related = np.corrcoef(off)[np.triu_indices(12, 1)]
+    assert abs(related.mean() + 1.0 / 11.0) < 0.02  # of deviations from their own mean
     assert np.abs(related).max() < 0.3
-
-
-def test_scalar_variant_agrees(monkeypatch: pytest.MonkeyPatch) -> None:
-    punctual_light = ((0.4, 0.9, 0.4), (0, 0, 0.2), (0.2, 0, 0))
-    image = np.full((4, 8, 3), 0.3)
-    image[0, 3] = 4.0
-    scene = quads(*BOX[:5], punctual_light, materials=[grey(0.6)] * 5 + [grey(0.3, 5.0)])
-    lights = [Environment(image), PointLight((0.5, 0.5, 0.5), 0.5)]
-    camera = replace(INSIDE, width=6, height=4)
-    fast = radiance(scene, camera, lights, 256, box_filter=True)
-    monkeypatch.setattr(mitsuba_scene, "best_variant", lambda: "scalar_rgb")
-    slow = radiance(scene, camera, lights, 32, box_filter=True)
-    assert slow.key != fast.key
-    closely(fast, slow.mean, np.maximum(slow.error, 0.05 * slow.mean))
 
 
 # ---- the store, bad input
 
 
-def test_truths_are_kept_apart_by_what_determines_them() -> None:
+def test_truths_are_kept_apart_by_what_determines_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(RadianceTracer, "image", lambda self, camera, paths, seed: np.zeros((*camera.size, 3)))
     scene = quads(FLOOR, materials=[grey(0.6)])
     sun = [DirectionalLight((0.3, -1.0, 0.4), 2.0)]
     made = [
@@ -363,24 +223,12 @@ def test_surfaces_that_absorb_nothing_end_all_the_same() -> None:
         ({"bounces": "many"}, ValueError, "bounces is 'many': expected 'all' or an integer, 0 to"),
         ({"box_filter": 1}, TypeError, "box_filter"),
         ({"lights": ["sun"]}, TypeError, r"lights\[0\] is str: expected a light"),
-        ({"scene": "hall"}, TypeError, "scene is str: expected a Scene"),
-        ({"camera": None}, TypeError, "camera is None: expected"),
     ],
 )
 def test_bad_arguments_are_named(change: dict[str, Any], error: type[Exception], message: str) -> None:
-    arguments = {
-        "scene": quads(FLOOR, materials=[grey(0.5)]), "camera": above(),
-        "lights": [Environment(1.0)], **change,
-    }  # fmt: skip
+    scene = quads(FLOOR, materials=[grey(0.5)])
     with pytest.raises(error, match=message):
-        radiance(**arguments)
-
-
-def test_missing_mitsuba_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
-    mitsuba_scene.best_variant.cache_clear()
-    monkeypatch.setitem(sys.modules, "mitsuba", None)
-    with pytest.raises(MissingExtraError, match=r"pip install 'ssgi-cl\[truth\]'"):
-        radiance(quads(FLOOR, materials=[grey(0.5)]), above(), [Environment(1.0)])
+        radiance(**{"scene": scene, "camera": above(), "lights": [Environment(1.0)], **change})
 
 
 def test_paths_are_cut_at_the_most_bounces() -> None:

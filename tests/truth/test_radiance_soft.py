@@ -9,20 +9,16 @@ import pytest
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import DirectionalLight, Light, PointLight
-from ssgi_cl.core.scene import Material
-from ssgi_cl.truth import mitsuba_scene
 from ssgi_cl.truth.radiance import radiance
 
-from .test_radiance import closely, quads
+from .surfaces import FLOOR, above, closely, grey, quads
 
 pytest.importorskip("mitsuba", reason="mitsuba is not installed (extra 'truth')")
 
 
 ALBEDO = 0.6
-FLOOR = ((-5, 0, -5), (0, 0, 10), (10, 0, 0))
 BOARD = ((-5, 1, -5), (0, 0, 10), (5, 0, 0))
 """Half a plane, up to x = 0, at height 1."""
-WALL = Material(albedo=(ALBEDO,) * 3)
 ABOVE = Camera.orthographic((0, 0.5, 0), (0, 0, 0), (0, 0, 1), view_height=0.2, width=64, height=8)
 """Between floor and board, 1.6 wide."""
 
@@ -35,30 +31,20 @@ def beyond(x: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("variant", ["best", "scalar_rgb"])
-def test_penumbra_of_a_sun_before_an_edge(variant: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    if variant != "best":
-        monkeypatch.setattr(mitsuba_scene, "best_variant", lambda: variant)
+def test_penumbra_of_a_sun_before_an_edge() -> None:
     light = DirectionalLight((0, -1, 0), 2.0, angle=0.4)
-    scene = quads(FLOOR, BOARD, materials=[WALL])
-    camera = (
-        ABOVE
-        if variant == "best"
-        else Camera.orthographic((0, 0.5, 0), (0, 0, 0), (0, 0, 1), view_height=0.2, width=16, height=2)
-    )
-    found = radiance(scene, camera, [light], 256 if variant == "best" else 64, 0)
-    x = camera.unproject(np.full(camera.size, 0.5, np.float32))[..., 0]
+    found = radiance(quads(FLOOR, BOARD, materials=[grey(ALBEDO)]), ABOVE, [light], 256, 0)
+    x = ABOVE.unproject(np.full(ABOVE.size, 0.5, np.float32))[..., 0]
     expected = ALBEDO / math.pi * 2.0 * beyond(-x / math.tan(0.4))
     assert expected.min() < 0.1 * expected.max()
     closely(found, np.repeat(expected[..., None], 3, axis=-1), 1e-4)
     # Pixel by pixel: 256 paths have a standard error of at most .03 of the light.
-    noise = 5.0 * 0.5 / math.sqrt(256 if variant == "best" else 64)
-    assert np.abs(found.mean[..., 0] - expected).max() < noise * expected.max()
+    assert np.abs(found.mean[..., 0] - expected).max() < 5.0 * 0.5 / math.sqrt(256) * expected.max()
 
 
 def test_penumbra_of_a_point_light_before_an_edge() -> None:
     light = PointLight((0.0, 4.0, 0.0), 10.0, radius=1.0)
-    scene = quads(FLOOR, BOARD, materials=[WALL])
+    scene = quads(FLOOR, BOARD, materials=[grey(ALBEDO)])
     found = radiance(scene, ABOVE, [light], 256, 0)
     x = ABOVE.unproject(np.full(ABOVE.size, 0.5, np.float32))[..., 0]
     # Straight below, the board's edge cuts the disc at -3 x; the light's middle is 4 away.
@@ -69,12 +55,11 @@ def test_penumbra_of_a_point_light_before_an_edge() -> None:
 
 
 def test_light_that_nothing_hides_is_that_of_a_point() -> None:
-    scene = quads(FLOOR, materials=[WALL])
-    camera = Camera.look_at((0.5, 3.0, 1.5), (0.2, 0.0, -0.3), width=8, height=6)
+    scene = quads(FLOOR, materials=[grey(ALBEDO)])
     pairs: tuple[tuple[Light, Light], ...] = (
         (PointLight((0.4, 2.0, 0.1), 3.0, radius=0.5), PointLight((0.4, 2.0, 0.1), 3.0)),
         (DirectionalLight((0.3, -1, 0.2), 3.0, angle=0.2), DirectionalLight((0.3, -1, 0.2), 3.0)),
     )
     for soft, hard in pairs:
-        found, expected = (radiance(scene, camera, [light], 16, 0).mean for light in (soft, hard))
+        found, expected = (radiance(scene, above(8, 6), [light], 1, 0).mean for light in (soft, hard))
         np.testing.assert_allclose(found, expected, rtol=1e-5)

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 Doubles = NDArray[np.float64]
+Image = tuple[tuple[int, ...], bytes]
+"""Shape of an array of doubles, and its bytes: by these, results are kept."""
 
 ROWS, COLUMNS = 16, 4
 """Size of the tile in which no two pixels have the same directions."""
@@ -35,13 +38,18 @@ class Directions:
 
 
 def directions(count: int, sky: Doubles | None = None, *, equal: bool = False) -> Directions:
-    """Return the directions of all pixels of the tile, computed one after the other.
+    """Return the directions of all pixels of the tile, computed one after the other, and kept.
 
     Args:
         count: of each pixel.
         sky: [rows, columns, 3] radiance by latitude and longitude, or None.
         equal: whether all are evenly distributed, each with the solid angle 2 pi / count.
     """
+    return _computed(count, None if sky is None else (np.shape(sky), sky.tobytes()), equal)
+
+
+@lru_cache(maxsize=8)
+def _computed(count: int, sky: Image | None, equal: bool) -> Directions:
     flux = np.zeros((UP, AROUND, 3)) if sky is None else _flux(sky)
     density = np.ones((UP // 2, AROUND))
     if sky is not None and not equal:
@@ -117,12 +125,14 @@ def _towards(up: Doubles, turn: Doubles) -> Doubles:
     return np.stack([ring * np.sin(angle), up, -ring * np.cos(angle)], axis=-1)
 
 
-def _flux(sky: Doubles) -> Doubles:
+@lru_cache(maxsize=8)
+def _flux(image: Image) -> Doubles:
     """Return [64, 128, 3]: radiance times solid angle of each cell of the sphere, W/m^2.
 
     Texels are divided into pieces of at most half a cell, each counted in the cell of its centre.
     """
-    height, width, _ = sky.shape
+    shape, texels = image
+    sky, (height, width, _) = np.frombuffer(texels).reshape(shape), shape
     down, across = -(-2 * UP // height), -(-2 * AROUND // width)
     result = np.zeros((UP, AROUND, 3))
     edges = np.cos(np.linspace(0.0, np.pi, height * down + 1))

@@ -224,11 +224,9 @@ class UpsampleBlur:
         self._scales = {**blur.scales(), "background": background}
         self._kernels = [
             runtime.kernel(
-                f"filters/upsample_blur_{direction}.cl",
-                {"UPSAMPLE_STEP": step, "BLUR_RADIUS": blur.radius},
-                (CAMERA, UPSAMPLE),
+                f"filters/{name}.cl", {"UPSAMPLE_STEP": step, "BLUR_RADIUS": blur.radius}, (CAMERA, UPSAMPLE)
             )
-            for direction in ("rows", "columns")
+            for name in ("upsample_blur_rows", "upsample_blur_columns")
         ]
         outwards = np.append(blur.weights(), np.zeros(step))
         weights = np.concatenate([outwards[:0:-1], outwards])

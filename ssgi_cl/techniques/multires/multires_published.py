@@ -92,13 +92,13 @@ class MultiresPublished(Prepared[MultiresPublishedParams]):
         # The light of a level and all coarser ones; that of the coarsest is its own.
         self._merged = [(runtime.plane(3, own), runtime.plane(1, own)) for own in sizes[:-1]]
         self._no_light = NoLight(runtime, size, self.name)
-        folder = "multires/subsplat_"
-        self._vary, self._mip = (runtime.kernel(f"{folder}{name}.cl") for name in ("variation", "mip"))
-        self._refine = runtime.kernel(f"{folder}refine.cl", structs=(SUBSPLAT,))
+        self._vary = runtime.kernel("multires/subsplat_variation.cl")
+        self._mip = runtime.kernel("multires/subsplat_mip.cl")
+        self._refine = runtime.kernel("multires/subsplat_refine.cl", structs=(SUBSPLAT,))
         self._shade = runtime.kernel(
-            f"{folder}shade.cl", {"VPL_NEAR": 0, "VPL_CUT": 0, "SUBSPLAT_ROWS": ROWS}, (CAMERA, VPL)
+            "multires/subsplat_shade.cl", {"VPL_NEAR": 0, "VPL_CUT": 0, "SUBSPLAT_ROWS": ROWS}, (CAMERA, VPL)
         )
-        self._upsample = runtime.kernel(f"{folder}upsample.cl")
+        self._upsample = runtime.kernel("multires/subsplat_upsample.cl")
 
     def run(self, gbuffer: DeviceGBuffer, vpls: Vpls | None = None, *, rsms: Sequence[DeviceRsm] = ()) -> Plane:
         """Queue the passes; return the plane of irradiance, 3 images in W/m^2.

@@ -1,21 +1,21 @@
-"""Bitmask AO: against GTAO, and its own parameters. Tests of all that scan slices: test_slices.py."""
+"""Bitmask AO: its own parameters. Tests of all that scan slices: test_slices.py."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import pytest
 
+from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.ao.bitmask_ao import bitmask_reference, turn
 from ssgi_cl.techniques.ao.bitmask_ao import BitmaskParams, bitmask_ao
-from ssgi_cl.techniques.ao.gtao import gtao
 
 from ...closed_forms import hidden_by_wall
-from ..analytic import camera, scene, tilted, trace
+from ..analytic import camera, scene, tilted, trace, view_of
 from ..walls import wall_and_floor
 
 
@@ -26,21 +26,9 @@ def test_polynomial_of_the_sector_measure_is_as_accurate_as_it_says() -> None:
     assert np.abs(turn(c) - exact).max() < 1.1e-3
 
 
-@pytest.mark.parametrize("kind", ["perspective", "orthographic"])
-def test_thick_surfaces_give_gtao(runtime: Runtime, rng: np.random.Generator, kind: str) -> None:
-    gbuffer = scene("bumpy", camera(kind), rng)
-    taps: dict[str, Any] = {"slices": 16, "taps": 48, "tap_power": 1.2, "blur_radius": 0, "runtime": runtime}
-    a = gtao(gbuffer, 0.6, **taps)
-    b = bitmask_ao(gbuffer, 0.6, thickness=1e3, joined=False, **taps)
-    # Rounded ends of 1/32, dithered, in 16 slices: off by at most half a sector, and by nothing on
-    # average (the polynomial's error is 1/500 of a sector). Measured: 0.0103.
-    assert np.abs(a - b).max() < 1 / 64
-    assert abs(float(np.mean(a - b))) < 1e-3
-
-
 @pytest.mark.parametrize("sectors", ["cosine", pytest.param("angle", marks=pytest.mark.slow)])
-def test_thinner_surfaces_let_more_light_pass(runtime: Runtime, rng: np.random.Generator, sectors: str) -> None:
-    gbuffer = scene("bumpy", camera(), rng)
+def test_thinner_surfaces_let_more_light_pass(runtime: Runtime, sectors: str) -> None:
+    gbuffer = view_of("bumpy")
     images = [
         bitmask_ao(gbuffer, 0.6, thickness=t, sectors=sectors, joined=False, blur_radius=0, runtime=runtime)
         for t in (0.0, 0.05, 0.3, 2.0)
@@ -78,27 +66,35 @@ def test_joined_taps_do_not_bridge_a_silhouette(runtime: Runtime) -> None:
     np.testing.assert_array_equal(a, 1.0)
 
 
-ENDS: list[dict[str, Any]] = [{"joined": True, "end": "thickness"}, {"joined": False, "end": "layer"}]
-OTHER_ENDS: list[dict[str, Any]] = [{"joined": True, "end": "layer"}, {"joined": False, "end": "thickness"}]
-THIN = [
-    pytest.param(choice, kind, marks=() if fast else pytest.mark.slow)
-    for kind in ("perspective", "orthographic")
-    for choice in (*ENDS, *OTHER_ENDS)
-    for fast in [kind == "perspective" and choice in ENDS]
-]
-
-
-@pytest.mark.parametrize(("choice", "kind"), THIN, ids=str)
-def test_thickness_of_each_pixel_and_the_next_layer_agree_with_numpy_reference(
-    variant_runtime: Runtime, rng: np.random.Generator, choice: dict[str, Any], kind: str
-) -> None:
-    front = scene("bumpy", made := camera(kind, size=(31, 39)), rng, margin=(2, 3))
+def two_layers(made: Camera, rng: np.random.Generator, margin: tuple[int, int] = (0, 0)) -> GBuffer:
+    """Return bumps and a second layer up to .5 scene units behind them."""
+    front = scene("bumpy", made, rng, margin=margin)
     depth = np.asarray(front.depth)
-    thickness = rng.uniform(0.0, 0.4, depth.shape).astype(np.float32)
-    thickness[::5, ::3] = np.inf
     deeper = depth + rng.uniform(0.05, 0.5, depth.shape).astype(np.float32)
-    gbuffer = GBuffer(camera=made, depth=np.stack([depth, deeper]), normal=front.normal, thickness=thickness)
-    params = {"radius": 0.6, "blur_radius": 0, **choice}
+    return GBuffer(camera=made, depth=np.stack([depth, deeper]), normal=front.normal)
+
+
+@pytest.mark.parametrize(
+    ("joined", "end", "kind", "by_pixel"),
+    [
+        (True, "layer", "perspective", True),
+        (False, "thickness", "perspective", False),
+        *(
+            pytest.param(joined, end, kind, True, marks=pytest.mark.slow)
+            for kind in ("perspective", "orthographic")
+            for joined in (True, False)
+            for end in ("thickness", "layer")
+        ),
+    ],
+)
+def test_thickness_of_each_pixel_and_the_next_layer_agree_with_numpy_reference(
+    variant_runtime: Runtime, rng: np.random.Generator, joined: bool, end: str, kind: str, by_pixel: bool
+) -> None:
+    gbuffer = two_layers(camera(kind, size=(31, 39)), rng, (2, 3))
+    thickness = rng.uniform(0.0, 0.4, gbuffer.depth[0].shape).astype(np.float32)
+    thickness[::5, ::3] = np.inf
+    gbuffer = replace(gbuffer, thickness=thickness if by_pixel else None)
+    params = {"radius": 0.6, "blur_radius": 0, "joined": joined, "end": end}
     a = bitmask_ao(gbuffer, **params, runtime=variant_runtime)
     wanted = bitmask_reference(gbuffer, BitmaskParams(**params))
     # A sector or the radius may fall to the other side in a pixel or two.
@@ -108,10 +104,7 @@ def test_thickness_of_each_pixel_and_the_next_layer_agree_with_numpy_reference(
 def test_layers_behind_are_read_at_every_third_tap_of_a_wide_radius(runtime: Runtime, rng: np.random.Generator) -> None:
     # The radius covers up to 60 px, so that all 24 taps lie in pixels of their own and those of the
     # second layer are three apart; in the first, pieces are between neighbouring taps.
-    front = scene("bumpy", made := camera(size=(64, 80)), rng)
-    depth = np.asarray(front.depth)
-    deeper = depth + rng.uniform(0.05, 0.5, depth.shape).astype(np.float32)
-    gbuffer = GBuffer(camera=made, depth=np.stack([depth, deeper]), normal=front.normal)
+    gbuffer = two_layers(camera(size=(64, 80)), rng)
     params = {"radius": 3.0, "blur_radius": 0, "slack": 0.02}
     a = bitmask_ao(gbuffer, **params, runtime=runtime)
     wanted = bitmask_reference(gbuffer, BitmaskParams(**params))
@@ -120,17 +113,12 @@ def test_layers_behind_are_read_at_every_third_tap_of_a_wide_radius(runtime: Run
     assert np.mean(~(np.abs(a - wanted) <= 1e-5)) <= 1e-3
 
 
-def test_even_thickness_is_that_of_the_parameter(runtime: Runtime, rng: np.random.Generator) -> None:
-    gbuffer = scene("bumpy", made := camera(), rng)
-    own = GBuffer(
-        camera=made,
-        depth=gbuffer.depth,
-        normal=gbuffer.normal,
-        thickness=np.full(np.shape(gbuffer.depth), 0.25 * 0.6, np.float32),
-    )
-    a = bitmask_ao(gbuffer, 0.6, thickness=0.25, blur_radius=0, runtime=runtime)
-    b = bitmask_ao(own, 0.6, thickness=3.0, blur_radius=0, runtime=runtime)
-    # One is a share of the radius, the other scene units: they round differently.
-    assert np.mean(np.abs(a - b) > 1e-5) <= 2e-3
-    thick = bitmask_ao(gbuffer, 0.6, thickness=3.0, blur_radius=0, runtime=runtime)
+def test_even_thickness_is_that_of_the_parameter(runtime: Runtime) -> None:
+    gbuffer = view_of("bumpy", size=(31, 39))
+    own = replace(gbuffer, thickness=np.full(gbuffer.size, 0.25 * 0.6, np.float32))
+    a, thick = (bitmask_ao(gbuffer, 0.6, thickness=share, blur_radius=0, runtime=runtime) for share in (0.25, 3.0))
+    # The kernel agrees with the reference of each pixel's thickness, see above. One is a share of
+    # the radius, the other scene units: they round differently.
+    wanted = bitmask_reference(own, BitmaskParams(radius=0.6, thickness=3.0, blur_radius=0))
+    assert np.mean(np.abs(a - wanted) > 1e-5) <= 2e-3
     assert np.abs(a - thick).max() > 0.05

@@ -13,7 +13,7 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.raster.view import downloaded
 from ssgi_cl.reference.gbuffer import SurfaceView
 
-from ..analytic import CAMERAS, SCENES, Plane, camera, scene, tilted, trace
+from ..analytic import CAMERAS, SCENES, Plane, camera, scene, tilted, trace, uploaded, view_of
 
 FLIPS = 1e-3
 """Share of pixels in which the smaller of two equal depth differences may be either."""
@@ -22,15 +22,6 @@ FLIPS = 1e-3
 def derived(runtime: Runtime, gbuffer: GBuffer) -> NDArray[np.float32]:
     """Return [rows, columns, 3]: the device's view-space normals."""
     return np.moveaxis(uploaded(runtime, gbuffer).normal.download(), 0, -1)
-
-
-def uploaded(runtime: Runtime, gbuffer: GBuffer) -> DeviceGBuffer:
-    """Return the G-buffer on the device."""
-    device = DeviceGBuffer(
-        runtime, gbuffer.size, layers=gbuffer.layers, margin=gbuffer.margin, attributes=gbuffer.layers
-    )
-    device.upload(gbuffer)
-    return device
 
 
 def degrees_between(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.float64]:
@@ -51,7 +42,7 @@ def test_normals_from_depth_are_right_to_a_tenth_of_a_degree_on_planes(
     variant_runtime: Runtime, kind: str, size: tuple[int, int]
 ) -> None:
     made = camera(kind, size)
-    for tilt in (0.0, 30.0, 60.0, 80.0, 89.0):
+    for tilt in (0.0, 60.0, 89.0):
         gbuffer = trace(made, [plane := tilted(made, tilt)], normals=False)
         # A pixel without a neighbour in its row or column knows too little.
         there = np.isfinite(gbuffer.depth)
@@ -72,58 +63,25 @@ def _beside(there: NDArray[np.bool_], axis: int) -> NDArray[np.bool_]:
 
 @pytest.mark.parametrize("name", SCENES)
 @pytest.mark.parametrize("kind", CAMERAS)
-def test_normals_from_depth_agree_with_numpy_reference(
-    runtime: Runtime, rng: np.random.Generator, name: str, kind: str
+@pytest.mark.parametrize("given", [True, False], ids=["given", "from depth"])
+def test_normals_agree_with_numpy_reference_and_have_unit_length(
+    variant_runtime: Runtime, name: str, kind: str, given: bool
 ) -> None:
-    given = scene(name, camera(kind), rng)
-    gbuffer = GBuffer(camera=given.camera, depth=given.depth)
-    wanted = SurfaceView.of(gbuffer).normal
-    # Positions are rounded to 2^-24 of a depth of 5 and lie 0.05 apart, which is 1e-4 degrees.
-    wrong = degrees_between(derived(runtime, gbuffer), wanted) > 0.01
-    assert wrong.mean() <= FLIPS
-
-
-@pytest.mark.parametrize("name", SCENES)
-@pytest.mark.parametrize("kind", CAMERAS)
-def test_given_normals_agree_with_numpy_reference(
-    runtime: Runtime, rng: np.random.Generator, name: str, kind: str
-) -> None:
-    gbuffer = scene(name, camera(kind), rng)
-    wanted = SurfaceView.of(gbuffer).normal
-    wrong = degrees_between(derived(runtime, gbuffer), wanted) > 0.01  # as above
-    assert wrong.mean() <= FLIPS
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("normals", [True, False], ids=["given", "rebuilt"])
-def test_every_kernel_variant_gives_the_same_normals(
-    runtime: Runtime, other_variant: Runtime, rng: np.random.Generator, normals: bool
-) -> None:
-    gbuffer = scene("bumpy", camera(size=(131, 217)), rng, margin=(1, 3))
-    if not normals:
+    gbuffer = view_of(name, kind)
+    if not given:
         gbuffer = GBuffer(camera=gbuffer.camera, depth=gbuffer.depth)
-    a, b = derived(runtime, gbuffer), derived(other_variant, gbuffer)
-    # Contraction is off, so variants differ only where a device's division or root is not exact.
-    assert np.mean(np.abs(a - b) > 1e-5) < 1e-4
-
-
-@pytest.mark.parametrize("kind", CAMERAS)
-@pytest.mark.parametrize("name", SCENES)
-def test_normals_have_unit_length_and_are_0_where_nothing_is(
-    variant_runtime: Runtime, rng: np.random.Generator, kind: str, name: str
-) -> None:
-    gbuffer = scene(name, camera(kind), rng)
-    length = np.linalg.norm(derived(variant_runtime, gbuffer).astype(np.float64), axis=-1)
-    wanted = np.isfinite(gbuffer.depth).astype(float)
+    normal = derived(variant_runtime, gbuffer)
+    # Positions are rounded to 2^-24 of a depth of 5 and lie 0.05 apart, which is 1e-4 degrees.
+    wrong = degrees_between(normal, SurfaceView.of(gbuffer).normal) > 0.01
+    assert wrong.mean() <= FLIPS
+    length = np.linalg.norm(normal.astype(np.float64), axis=-1)
     # A given normal's components are rounded by 2^-24, and by GBuffer left alone within 1e-5.
-    np.testing.assert_allclose(length, wanted, rtol=0, atol=6e-6)
+    np.testing.assert_allclose(length, np.isfinite(gbuffer.depth).astype(float), rtol=0, atol=6e-6)
 
 
 @pytest.mark.parametrize("kind", CAMERAS)
-def test_normal_that_faces_away_from_its_surface_is_turned(
-    variant_runtime: Runtime, rng: np.random.Generator, kind: str
-) -> None:
-    gbuffer = scene("corner", camera(kind), rng)
+def test_normal_that_faces_away_from_its_surface_is_turned(variant_runtime: Runtime, kind: str) -> None:
+    gbuffer = view_of("corner", kind)
     turned = GBuffer(camera=gbuffer.camera, depth=gbuffer.depth, normal=-np.asarray(gbuffer.normal))
     a, b = derived(variant_runtime, gbuffer), derived(variant_runtime, turned)
     # In a crease the surface rebuilt from depth may be the other one; measured: 1 pixel of 2867,
@@ -168,7 +126,7 @@ def test_lone_pixel_has_a_normal_towards_the_viewer(variant_runtime: Runtime) ->
 def test_given_normal_of_0_is_reconstructed_and_others_are_kept(
     variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
-    gbuffer = scene("bumpy", camera(), rng)
+    gbuffer = view_of("bumpy")
     holes = rng.random(gbuffer.size) < 0.3
     partly = np.where(holes[..., None], 0.0, gbuffer.normal)
     mixed = derived(variant_runtime, GBuffer(camera=gbuffer.camera, depth=gbuffer.depth, normal=partly))
@@ -190,10 +148,8 @@ def test_any_depths_give_finite_unit_normals(
 
 
 @pytest.mark.parametrize("kind", ["perspective", "orthographic"])
-def test_linear_measure_is_the_inverse_depth_or_the_depth_itself(
-    variant_runtime: Runtime, rng: np.random.Generator, kind: str
-) -> None:
-    gbuffer = scene("noisy", camera(kind), rng)
+def test_linear_measure_is_the_inverse_depth_or_the_depth_itself(variant_runtime: Runtime, kind: str) -> None:
+    gbuffer = view_of("noisy", kind)
     linear = uploaded(variant_runtime, gbuffer).linear.download()[0]
     depth = np.asarray(gbuffer.depth)
     wanted = depth if kind == "orthographic" else np.where(np.isinf(depth), np.inf, 1.0 / depth)
@@ -210,7 +166,8 @@ def test_each_layer_has_the_normals_that_it_would_have_alone(
     depth = np.stack([np.asarray(alone[0].depth), np.asarray(alone[1].depth) * 1024.0])
     normal = np.stack([np.asarray(each.normal) for each in alone])
     both = GBuffer(camera=made, depth=depth, normal=normal if given else None)
-    device = uploaded(variant_runtime, both)
+    device = DeviceGBuffer(variant_runtime, made.size, layers=2, attributes=2)
+    device.upload(both)
     for layer in range(2):
         single = GBuffer(camera=made, depth=depth[layer], normal=normal[layer] if given else None)
         wanted = uploaded(variant_runtime, single).normal.download()

@@ -18,7 +18,7 @@ from ssgi_cl.reference.direct.shade import shade_reference
 from ssgi_cl.techniques.ao.multi_bounce import multi_bounce
 from ssgi_cl.techniques.direct.shade import shade
 
-from ..analytic import camera, scene
+from ..analytic import camera, view_of
 
 STEPS = np.linspace(0.0, 1.0, 201, dtype=np.float32)
 A = np.broadcast_to(STEPS[:, None], (201, 201))
@@ -78,7 +78,7 @@ def test_bad_input_is_refused(ao: Any, albedo: Any, error: type[Exception], mess
 
 
 def test_shading_with_bounces_agrees_with_float64_reference(variant_runtime: Runtime, rng: np.random.Generator) -> None:
-    gbuffer = replace(scene("bumpy", camera(), rng), albedo=rng.random((47, 61, 3)))
+    gbuffer = replace(view_of("bumpy"), albedo=rng.random((47, 61, 3)))
     lights = (Environment((0.2, 0.4, 0.6)), DirectionalLight((-0.3, -1.0, -0.5), (3, 2, 1)))
     ao = rng.random(gbuffer.size, np.float32)
     found = shade(gbuffer, lights, ao=ao, multi_bounce=True, runtime=variant_runtime)
@@ -90,8 +90,8 @@ def test_shading_with_bounces_agrees_with_float64_reference(variant_runtime: Run
     assert float(np.mean(found - plain)) > 0.02 * float(np.mean(plain))
 
 
-def test_bounces_need_ambient_occlusion(runtime: Runtime, rng: np.random.Generator) -> None:
-    gbuffer = scene("bumpy", camera(), rng)
+def test_bounces_need_ambient_occlusion(runtime: Runtime) -> None:
+    gbuffer = view_of("bumpy")
     sky = (Environment(1.0),)
     found = shade(gbuffer, sky, multi_bounce=True, runtime=runtime)
     np.testing.assert_array_equal(found, shade(gbuffer, sky, runtime=runtime))
@@ -117,11 +117,11 @@ def test_rendering_with_bounces_is_brighter(runtime: Runtime) -> None:
     assert float(bounced.radiance.mean()) > 1.01 * float(plain.radiance.mean())
 
 
-def test_something_else_than_a_switch_is_refused(runtime: Runtime, rng: np.random.Generator) -> None:
+def test_something_else_than_a_switch_is_refused(runtime: Runtime) -> None:
     wrong: Any = 2
     message = r"multi_bounce is 2: expected True or False"
     with pytest.raises(TypeError, match=message):
-        shade(scene("corner", camera(), rng), [], multi_bounce=wrong, runtime=runtime)
+        shade(view_of("corner"), [], multi_bounce=wrong, runtime=runtime)
     built = BUILTIN_SCENES["cornell_box"]()
     with pytest.raises(TypeError, match=message):
         render(built.scene, camera(), [], bounces=0, multi_bounce=wrong, runtime=runtime)

@@ -10,10 +10,23 @@ import pytest
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.techniques.ao.ssao import ssao
 
-from ..analytic import CAMERAS, VIEWS, camera, check_second_run, scene, share_off, tilted, trace, uploaded
+from ..analytic import (
+    CAMERAS,
+    VIEWS,
+    camera,
+    check_second_run,
+    scene,
+    share_off,
+    slow_but,
+    tilted,
+    trace,
+    uploaded,
+    view_of,
+)
 from .subjects import FLIPS, RADIUS, ROUNDING, SLICED, SUBJECTS, Subject
 
 
@@ -28,93 +41,78 @@ def subject(request: pytest.FixtureRequest) -> Subject:
 
 @pytest.mark.parametrize(("name", "kind"), VIEWS)
 def test_kernel_agrees_with_numpy_reference_in_every_scene_and_camera(
-    runtime: Runtime, rng: np.random.Generator, subject: Subject, name: str, kind: str
+    runtime: Runtime, subject: Subject, name: str, kind: str
 ) -> None:
-    gbuffer = scene(name, camera(kind, size=(31, 39)), rng)
+    gbuffer = view_of(name, kind, (31, 39))
     a = subject.function(gbuffer, RADIUS, blur_radius=0, runtime=runtime)
     assert share_off(a, subject.expected(gbuffer, blur_radius=0), ROUNDING) <= FLIPS
 
 
-SHARED: dict[str, dict[str, Any]] = {
-    "few taps": {"slices": 1, "taps": 2, "tap_power": 1.0, "contrast": 2.2},
-    "bias": {"bias": 0.05},
-    "limited": {"max_radius_px": 6.0},
-}
-MANY: dict[str, dict[str, Any]] = {
-    "many taps": {"slices": 5, "taps": 9, "bias": 0.05},
-    "limited": {"slices": 5, "taps": 9, "max_radius_px": 6.0},
-}
-"""Each count of slices and taps is a program of its own: these are left to the slow tests."""
+FEW: dict[str, Any] = {"slices": 1, "taps": 2, "tap_power": 1.0, "contrast": 2.2, "bias": 0.05}
+LIMITED: dict[str, Any] = {"bias": 0.05, "max_radius_px": 6.0}
 VARIANTS: list[tuple[str, dict[str, Any]]] = [
-    *((name, choice) for name in SLICED for choice in SHARED.values()),
-    ("hbao", {"attenuation": 0.0, "angle_bias": 0.4}),
-    # XeGTAO's High
-    ("gtao", {"falloff": 0.615, "radius": 0.73, "slices": 3, "taps": 3, "contrast": 2.2}),
-    ("gtao", {"falloff": 1.0, "thin_occluder": 0.7}),
-    ("bitmask", {"sectors": "angle", "thickness": 0.1}),
+    ("hbao", {"attenuation": 0.0, "angle_bias": 0.4, **FEW}),
+    ("hbao", LIMITED),
+    ("gtao", {"falloff": 0.615, "radius": 0.73, "contrast": 2.2, "thin_occluder": 0.7}),
+    ("gtao", LIMITED),
+    ("bitmask", {"sectors": "angle", "thickness": 0.1, **FEW}),
     ("bitmask", {"thickness": 0.0}),
-    ("bitmask", {"thickness": 1e3}),
-    ("ssao", {"hemisphere": False}),
-    ("ssao", {"falloff": "exponential", "falloff_rate": 2.0, "outside": "open", "hemisphere": False}),
-    ("ssao", {"ramp_start": 0.3, "ramp_end": 0.9, "power": 1.7, "samples": 7, "length_power": 1 / 3}),
-    ("ssao", {"falloff": (1.0, 0.6, 0.5, 0.0), "falloff_end": 0.8, "outside": 3.0}),
-    ("ssao", {"radius": (0.2, 0.6, 1.5), "max_radius_px": 9.0}),
-    ("ssao", {"near_px": 5.0, "max_samples": 40, "bias": 0.1}),
-    ("ssao", {"contrast": 2.7}),
+    ("bitmask", {"thickness": 1e3, **LIMITED}),
+    ("ssao", {"hemisphere": False, "falloff": "exponential", "falloff_rate": 2.0, "outside": 3.0}),
+    ("ssao", {"hemisphere": False, "falloff": (1.0, 0.6, 0.2), "falloff_end": 0.8}),
+    ("ssao", {"radius": (0.2, 0.6, 1.5), "ramp_start": 0.3, "ramp_end": 0.9, "power": 1.7, **LIMITED}),
+    ("ssao", {"length_power": 1 / 3, "near_px": 5.0, "max_samples": 40, "contrast": 2.7}),
 ]
-SLOW = [pytest.param(name, choice, marks=pytest.mark.slow) for name in SLICED for choice in MANY.values()]
+CHOICES = [
+    *((name, choice, "perspective") for name, choice in VARIANTS),
+    *(pytest.param(name, choice, "orthographic", marks=pytest.mark.slow) for name, choice in VARIANTS),
+    # Each count of slices and taps is a program of its own.
+    *(
+        pytest.param(name, {"slices": 5, "taps": 9, **LIMITED}, "perspective", marks=pytest.mark.slow)
+        for name in SLICED
+    ),
+]
 
 
-@pytest.mark.parametrize(("name", "choice"), [*VARIANTS, *SLOW], ids=str)
-@pytest.mark.parametrize("kind", ["perspective", "orthographic"])
+@pytest.mark.parametrize(("name", "choice", "kind"), CHOICES, ids=str)
 def test_every_kernel_variant_agrees_with_numpy_reference_for_every_switch(
-    variant_runtime: Runtime, rng: np.random.Generator, name: str, choice: dict[str, Any], kind: str
+    variant_runtime: Runtime, name: str, choice: dict[str, Any], kind: str
 ) -> None:
-    gbuffer = scene("bumpy", camera(kind, size=(31, 39)), rng)
+    gbuffer = view_of("bumpy", kind, (31, 39))
     params = {"radius": RADIUS, "blur_radius": 0, **choice}
     a = SUBJECTS[name].function(gbuffer, **params, runtime=variant_runtime)
     assert share_off(a, SUBJECTS[name].expected(gbuffer, **params), ROUNDING) <= FLIPS
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["corner", "noisy"])
-@pytest.mark.parametrize("resolution", ["full", "half"])
-def test_every_kernel_variant_gives_the_same_result(
-    runtime: Runtime, other_variant: Runtime, rng: np.random.Generator, subject: Subject, name: str, resolution: str
-) -> None:
-    gbuffer = scene(name, camera(size=(131, 217)), rng)
-    a = subject.function(gbuffer, RADIUS, resolution=resolution, runtime=runtime)
-    b = subject.function(gbuffer, RADIUS, resolution=resolution, runtime=other_variant)
-    # Contraction is off, so variants differ only where a device's division or root is not exact.
-    assert share_off(a, b, 1e-5) < 1e-4
-
-
 BLURS = [
-    *((blur, (3, 5)) for blur in ((0, 1), (7, 1), (7, 2))),
-    ((7, 2), (0, 0)),
+    ("full", "own", (7, 2), (3, 5)),
+    ("full", "full", (7, 1), (0, 0)),
+    ("half", "own", (0, 1), (0, 0)),
+    ("half", "full", (7, 2), (3, 5)),
+    ("quarter", "own", (7, 1), (3, 5)),
+    ("quarter", "full", (7, 2), (0, 0)),
+    ("quarter", "full", (0, 1), (3, 5)),
     *(
-        pytest.param(blur, margin, marks=pytest.mark.slow)
-        for blur, margin in (((0, 1), (0, 0)), ((7, 1), (0, 0)), ((4, 2), (3, 5)))
+        pytest.param(resolution, blur_resolution, blur, margin, marks=pytest.mark.slow)
+        for resolution in ("full", "half", "quarter")
+        for blur_resolution in ("own", "full")
+        for blur in ((0, 1), (4, 2), (7, 1), (7, 2))
+        for margin in ((0, 0), (3, 5))
     ),
 ]
-"""(Radius, passes) of the blur and the G-buffer's margin."""
+"""Size of the occlusion, size of the blur, (radius, passes) of the blur and the G-buffer's margin."""
 
 
-@pytest.mark.parametrize("resolution", ["full", "half", "quarter"])
-@pytest.mark.parametrize("blur_resolution", ["own", "full"])
-@pytest.mark.parametrize(("blur", "margin"), BLURS, ids=str)
+@pytest.mark.parametrize(("resolution", "blur_resolution", "blur", "margin"), BLURS, ids=str)
 def test_every_combination_of_resolution_and_blur_agrees_with_numpy_reference(
-    runtime: Runtime,
-    rng: np.random.Generator,
-    resolution: str,
-    blur_resolution: str,
-    blur: tuple[int, int],
-    margin: tuple[int, int],
+    runtime: Runtime, resolution: str, blur_resolution: str, blur: tuple[int, int], margin: tuple[int, int]
 ) -> None:
-    gbuffer = scene("bumpy", camera(size=(35, 51)), rng, margin=margin)
+    gbuffer = view_of("bumpy", size=(35, 51), margin=margin)
     params = {
-        "radius": 0.4,
-        "samples": 4,
+        "radius": 1.0,
+        "near_px": 5.0,  # limits in px are those of the full size
+        "max_samples": 40,
+        "max_radius_px": 7.0,
         "resolution": resolution,
         "blur_resolution": blur_resolution,
         "blur_radius": blur[0],
@@ -122,7 +120,7 @@ def test_every_combination_of_resolution_and_blur_agrees_with_numpy_reference(
     }
     found = ssao(gbuffer, runtime=runtime, **params)
     wanted = SUBJECTS["ssao"].expected(gbuffer, **params)
-    # A sample that falls to the other side of an edge by rounding is 1/4 of A in its pixel, and so
+    # A sample that falls to the other side of an edge by rounding is 1/16 of A in its pixel, and so
     # may change the 15 x 15 round it. Measured: none.
     assert np.mean(np.abs(found - wanted) > 1e-3) <= 0.005
 
@@ -131,12 +129,12 @@ def test_every_combination_of_resolution_and_blur_agrees_with_numpy_reference(
 
 
 SIZES = ((1, 1), (17, 31), (3, 5), (16, 600), (600, 16))
-TILTS = (0.0, 20.0, 45.0, 70.0, 85.0, 89.0, 89.9)
+TILTS = (0.0, 45.0, 85.0, 89.9)
 SHAPES = [
     pytest.param(kind, size, marks=() if fast else pytest.mark.slow)
     for kind in CAMERAS
     for size in SIZES
-    for fast in [kind in ("perspective", "orthographic") or size == (17, 31)]
+    for fast in [kind == "perspective" or size == (17, 31)]
 ]
 
 
@@ -159,43 +157,30 @@ def test_plane_is_exactly_open_at_any_tilt(
 
 @pytest.mark.parametrize("resolution", ["full", "half", "quarter"])
 @pytest.mark.parametrize("size", SIZES, ids=str)
+@pytest.mark.parametrize("name", slow_but(SUBJECTS, "ssao"))
 def test_blurred_plane_of_an_odd_size_is_open_at_every_resolution(
-    variant_runtime: Runtime, subject: Subject, resolution: str, size: tuple[int, int]
+    variant_runtime: Runtime, name: str, resolution: str, size: tuple[int, int]
 ) -> None:
     gbuffer = trace(made := camera(size=size), [tilted(made, 40.0)])
-    a = subject.function(gbuffer, 1.0, resolution=resolution, runtime=variant_runtime)
+    a = SUBJECTS[name].function(gbuffer, 1.0, resolution=resolution, runtime=variant_runtime)
     assert a.shape == size
     # A constant is blurred and upsampled: two divisions round by 2^-24 each.
     np.testing.assert_allclose(a, 1.0, rtol=0, atol=5e-7)
 
 
 @pytest.mark.parametrize("resolution", ["half", "quarter"])
-@pytest.mark.parametrize("degrees", [0.0, 60.0])
-def test_plane_is_open_exactly_when_blurred_at_full_size(
-    variant_runtime: Runtime, resolution: str, degrees: float
-) -> None:
+def test_plane_is_open_exactly_when_blurred_at_full_size(variant_runtime: Runtime, resolution: str) -> None:
     made = Camera.look_at((0, 0, 5), (0, 0, 0), yfov=0.3, width=71, height=33)
-    gbuffer = trace(made, [tilted(made, degrees)])
+    gbuffer = trace(made, [tilted(made, 60.0)])
     a = ssao(gbuffer, radius=0.3, resolution=resolution, blur_radius=7, blur_resolution="full", runtime=variant_runtime)
     np.testing.assert_array_equal(a, 1.0)
 
 
-def test_inner_corner_is_darker_than_the_planes_away_from_it(
-    runtime: Runtime, rng: np.random.Generator, subject: Subject
-) -> None:
-    a = subject.function(scene("corner", camera(), rng), RADIUS, runtime=runtime)
-    assert a.min() < (0.7 if subject.function is ssao else 0.75)
-    assert a.max() > 0.999
-
-
-@pytest.mark.parametrize("margin", [(4, 64), (12, 128)])
-def test_margin_gives_what_a_larger_image_gives_inside(
-    runtime: Runtime, rng: np.random.Generator, subject: Subject, margin: tuple[int, int]
-) -> None:
+def test_margin_gives_what_a_larger_image_gives_inside(runtime: Runtime, subject: Subject) -> None:
     # From the corner of the result patterns repeat every 4 pixels, and groups of pixels that scan
     # alike every 64 columns: other margins change both. The blur stops at the edge of the result.
     made = camera(size=(30, 41))
-    whole = scene("bumpy", made.with_margin(margin), rng)
+    whole = scene("bumpy", made.with_margin((4, 64)), np.random.default_rng(20))
     inner = GBuffer(camera=made, depth=whole.depth, normal=whole.normal)
     a = subject.function(inner, RADIUS, blur_radius=0, runtime=runtime)
     b = inner.inner(subject.function(whole, RADIUS, blur_radius=0, runtime=runtime))
@@ -211,22 +196,18 @@ def test_margin_gives_what_a_larger_image_gives_inside(
 # ---- limits
 
 
-def test_limit_of_the_projected_radius_is_a_smaller_radius(
-    runtime: Runtime, rng: np.random.Generator, subject: Subject
-) -> None:
-    gbuffer = scene("bumpy", made := camera("orthographic"), rng)
-    unit_px = made.height / 4.0
+def test_limit_of_the_projected_radius_is_a_smaller_radius(runtime: Runtime, subject: Subject) -> None:
+    gbuffer = view_of("bumpy", "orthographic")
+    unit_px = gbuffer.camera.height / 4.0
     limited = subject.function(gbuffer, 1.0, max_radius_px=0.5 * unit_px, blur_radius=0, runtime=runtime)
     small = subject.function(gbuffer, 0.5, blur_radius=0, runtime=runtime)
     assert share_off(limited, small, ROUNDING) <= FLIPS
 
 
-def test_radius_below_a_pixel_leaves_everything_open(
-    runtime: Runtime, rng: np.random.Generator, subject: Subject
-) -> None:
-    gbuffer = scene("noisy", made := camera("orthographic"), rng)
+def test_radius_below_a_pixel_leaves_everything_open(runtime: Runtime, subject: Subject) -> None:
+    gbuffer = view_of("noisy", "orthographic")
     whole_ball = {"hemisphere": False} if subject.function is ssao else {}
-    a = subject.function(gbuffer, 0.99 * 4.0 / made.height, blur_radius=0, runtime=runtime, **whole_ball)
+    a = subject.function(gbuffer, 0.99 * 4.0 / gbuffer.camera.height, blur_radius=0, runtime=runtime, **whole_ball)
     np.testing.assert_array_equal(a, 1.0)
 
 
@@ -235,38 +216,24 @@ EXTREMES: dict[str, tuple[str, dict[str, Any]]] = {
     "whole ball": ("ssao", {"hemisphere": False}),
     "more samples": ("ssao", {"near_px": 4.0, "max_samples": 40}),
     "falloff": ("gtao", {"falloff": 0.5}),
-    "angle": ("bitmask", {"sectors": "angle"}),
+    "angle": ("bitmask", {"sectors": "angle", "slices": 1, "taps": 2}),
 }
 
 
-@pytest.mark.parametrize("radius", [1e-30, 1e-6, 1e3, 1e6, 1e30])
-@pytest.mark.parametrize("kind", ["perspective", pytest.param("orthographic", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("kind", "resolution"), [("perspective", "half"), ("orthographic", "full")])
+@pytest.mark.parametrize("limits", [{}, {"max_radius_px": 8.0}], ids=str)
 @pytest.mark.parametrize("name", EXTREMES)
-def test_any_radius_gives_visibility_between_0_and_1(
-    runtime: Runtime, rng: np.random.Generator, radius: float, kind: str, name: str
+def test_any_depths_and_radii_give_visibility_between_0_and_1(
+    variant_runtime: Runtime, rng: np.random.Generator, name: str, limits: dict[str, Any], kind: str, resolution: str
 ) -> None:
     technique, choice = EXTREMES[name]
-    gbuffer = scene("noisy", camera(kind), rng)
-    for limits in ({}, {"max_radius_px": 8.0}):
-        a = SUBJECTS[technique].function(gbuffer, radius, runtime=runtime, **choice, **limits)
-        assert a.min() >= 0.0
-        assert a.max() <= 1.0
-
-
-@pytest.mark.parametrize("kind", ["perspective", "orthographic"])
-@pytest.mark.parametrize("resolution", ["full", "half"])
-@pytest.mark.parametrize("name", EXTREMES)
-def test_any_depths_give_visibility_between_0_and_1(
-    variant_runtime: Runtime, rng: np.random.Generator, name: str, kind: str, resolution: str
-) -> None:
-    technique, choice = EXTREMES[name]
-    function, made = SUBJECTS[technique].function, camera(kind, (33, 70))
-    for reach in (3.0, 37.0):
+    function, made = SUBJECTS[technique].function, camera(kind, (17, 70))
+    for reach in (0.5, 3.0, 37.0):
         depth = 10.0 ** rng.uniform(-reach, reach, made.size)
         depth[rng.random(made.size) < 0.1] = np.inf
         gbuffer = GBuffer(camera=made, depth=depth.astype(np.float32))
-        for radius in (1e-20, 1.0, 1e20):
-            a = function(gbuffer, radius, resolution=resolution, runtime=variant_runtime, **choice)
+        for radius in (1e-30, 1.0, 1e3, 1e30):
+            a = function(gbuffer, radius, resolution=resolution, runtime=variant_runtime, **choice, **limits)
             assert a.min() >= 0.0
             assert a.max() <= 1.0
 
@@ -275,39 +242,36 @@ def test_any_depths_give_visibility_between_0_and_1(
 
 
 @pytest.mark.parametrize("scale", [1e-4, 1e4])
-@pytest.mark.parametrize("kind", CAMERAS)
+@pytest.mark.parametrize("kind", slow_but(CAMERAS, "perspective", "orthographic"))
 def test_result_does_not_depend_on_the_unit_of_length(
     runtime: Runtime, subject: Subject, kind: str, scale: float
 ) -> None:
-    gbuffers = (
-        scene("bumpy", camera(kind, (31, 39), scale=s), np.random.default_rng(3), scale=s) for s in (1.0, scale)
-    )
-    one, other = (
-        subject.function(gbuffer, RADIUS * s, blur_radius=0, runtime=runtime)
-        for gbuffer, s in zip(gbuffers, (1.0, scale), strict=True)
-    )
+    large = scene("bumpy", camera(kind, (31, 39), scale=scale), np.random.default_rng(20), scale=scale)
+    one = subject.function(view_of("bumpy", kind, (31, 39)), RADIUS, blur_radius=0, runtime=runtime)
+    other = subject.function(large, RADIUS * scale, blur_radius=0, runtime=runtime)
     # Scaled depths round differently, by 2^-24; a flipped sample is 1/16.
     assert share_off(one, other, 1e-3) <= FLIPS
 
 
-@pytest.mark.parametrize("kind", CAMERAS)
+@pytest.mark.parametrize("kind", slow_but(CAMERAS, "perspective", "orthographic"))
 def test_scene_far_from_the_origin_looks_as_at_the_origin(runtime: Runtime, subject: Subject, kind: str) -> None:
-    gbuffers = (
-        scene("bumpy", camera(kind, (31, 39), shift=s), np.random.default_rng(3), shift=s)
-        for s in (np.zeros(3), np.array([1e6, -1e6, 1e6]))
+    shift = np.array([1e6, -1e6, 1e6])
+    far = scene("bumpy", camera(kind, (31, 39), shift=shift), np.random.default_rng(20), shift=shift)
+    one, other = (
+        subject.function(gbuffer, RADIUS, blur_radius=0, runtime=runtime)
+        for gbuffer in (view_of("bumpy", kind, (31, 39)), far)
     )
-    one, other = (subject.function(gbuffer, RADIUS, blur_radius=0, runtime=runtime) for gbuffer in gbuffers)
     # A double resolves 1e-10 at 1e6, so only the rounding of float32 depths may differ.
     assert share_off(one, other, 1e-3) <= FLIPS
 
 
-@pytest.mark.parametrize("resolution", ["full", "half"])
+@pytest.mark.parametrize("resolution", slow_but(("full", "half"), "half"))
 def test_empty_image_and_pixels_with_nothing_are_open(
-    variant_runtime: Runtime, rng: np.random.Generator, subject: Subject, resolution: str
+    variant_runtime: Runtime, subject: Subject, resolution: str
 ) -> None:
     made = [camera(kind, size=(9, 20)) for kind in ("perspective", "orthographic")]
     empty = [GBuffer(camera=each, depth=np.full(each.size, np.inf, np.float32)) for each in made]
-    for gbuffer in (*empty, scene("noisy", camera(), rng)):
+    for gbuffer in (*empty, view_of("noisy")):
         a = subject.function(gbuffer, RADIUS, resolution=resolution, runtime=variant_runtime)
         np.testing.assert_array_equal(a[np.isinf(gbuffer.depth)], 1.0)
 
@@ -315,12 +279,11 @@ def test_empty_image_and_pixels_with_nothing_are_open(
 # ---- prepared once, called many times
 
 
-@pytest.mark.parametrize("resolution", ["full", "half"])
-@pytest.mark.parametrize("layers", [1, 2])
+@pytest.mark.parametrize(("resolution", "layers"), [("full", 1), ("half", 2)])
 def test_second_run_allocates_and_builds_nothing_and_gives_bit_identical_results(
-    variant_runtime: Runtime, rng: np.random.Generator, subject: Subject, resolution: str, layers: int
+    variant_runtime: Runtime, subject: Subject, resolution: str, layers: int
 ) -> None:
-    gbuffer = scene("noisy", camera(size=(131, 217)), rng)
+    gbuffer = view_of("noisy", size=(131, 217))
     depth = np.stack([gbuffer.depth, np.multiply(gbuffer.depth, np.float32(1.1))][:layers])
     device = uploaded(variant_runtime, GBuffer(camera=gbuffer.camera, depth=depth))
     params = subject.params(radius=RADIUS, resolution=resolution)
@@ -328,22 +291,14 @@ def test_second_run_allocates_and_builds_nothing_and_gives_bit_identical_results
     check_second_run(variant_runtime, lambda: technique.run(device).download())
 
 
-def test_camera_may_change_its_kind_from_frame_to_frame(
-    runtime: Runtime, rng: np.random.Generator, subject: Subject
+def test_camera_may_change_its_kind_from_frame_to_frame_and_the_result_is_written_to_the_given_array(
+    runtime: Runtime, subject: Subject
 ) -> None:
-    gbuffers = [scene("bumpy", camera(kind), rng) for kind in ("perspective", "orthographic")]
+    gbuffers = [view_of("bumpy", kind) for kind in ("perspective", "orthographic")]
     technique = subject.kind(runtime, gbuffers[0].size, subject.params(radius=RADIUS))
     for gbuffer in (*gbuffers, *gbuffers):
-        a = technique(uploaded(runtime, gbuffer))
-        np.testing.assert_array_equal(a, subject.function(gbuffer, RADIUS, runtime=runtime))
-
-
-def test_result_is_written_to_the_given_array(runtime: Runtime, rng: np.random.Generator, subject: Subject) -> None:
-    gbuffer = scene("corner", camera(), rng)
-    technique = subject.kind(runtime, gbuffer.size, subject.params(radius=RADIUS))
-    out = np.zeros(gbuffer.size, np.float32)
-    technique(uploaded(runtime, gbuffer), out)
-    np.testing.assert_array_equal(out, subject.function(gbuffer, RADIUS, runtime=runtime))
+        technique(uploaded(runtime, gbuffer), out := np.zeros(gbuffer.size, np.float32))
+        np.testing.assert_array_equal(out, subject.function(gbuffer, RADIUS, runtime=runtime))
 
 
 # ---- bad input
@@ -377,3 +332,12 @@ def test_bad_parameter_is_refused_with_its_name_value_and_range(
 def test_something_else_than_a_gbuffer_is_refused(runtime: Runtime, subject: Subject) -> None:
     with pytest.raises(TypeError, match=r"gbuffer is ndarray: expected GBuffer or DeviceGBuffer"):
         subject.function(np.ones((4, 4)), runtime=runtime)
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "layers"), [*((name, (9, 8), 1) for name in SUBJECTS), *((name, (8, 8), 2) for name in SLICED)]
+)
+def test_gbuffer_of_another_shape_is_refused(runtime: Runtime, name: str, size: tuple[int, int], layers: int) -> None:
+    technique = SUBJECTS[name].kind(runtime, (8, 8))
+    with pytest.raises(ValueError, match=r"size(,| and) margin (and layers )?are .*expected \(8, 8\)"):
+        technique.run(DeviceGBuffer(runtime, size, layers=layers))

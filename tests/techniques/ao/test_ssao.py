@@ -14,7 +14,7 @@ from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.techniques.ao.ssao import Ssao, SsaoParams, reflected_points, ssao
 
-from ..analytic import SCENES, camera, scene, share_off, tilted, trace, uploaded
+from ..analytic import SCENES, share_off, slow_but, tilted, trace, uploaded, view_of
 from .subjects import FLIPS, RADIUS, ROUNDING, SUBJECTS, WEIGHTS
 
 
@@ -39,28 +39,17 @@ MARGINS = ((1, 2), (3, 3), (2, 7), (0, 5))
     [*((name, (47, 61), (0, 0)) for name in SCENES), *(("bumpy", (20, 28), margin) for margin in MARGINS)],
     ids=str,
 )
-@pytest.mark.parametrize("resolution", ["full", "half", "quarter"])
+@pytest.mark.parametrize("resolution", slow_but(("full", "half", "quarter"), "half", "quarter"))
 def test_blurred_result_agrees_with_numpy_reference_at_every_resolution(
-    variant_runtime: Runtime,
-    rng: np.random.Generator,
-    name: str,
-    size: tuple[int, int],
-    margin: tuple[int, int],
-    resolution: str,
+    variant_runtime: Runtime, name: str, size: tuple[int, int], margin: tuple[int, int], resolution: str
 ) -> None:
-    gbuffer = scene(name, camera(size=size), rng, margin=margin)
+    gbuffer = view_of(name, size=size, margin=margin)
     a = ssao(gbuffer, RADIUS, resolution=resolution, runtime=variant_runtime)
     # A flip spreads over the 5 x 5 pixels of the blur and over the pixels of a coarse one.
     assert share_off(a, SUBJECTS["ssao"].expected(gbuffer, resolution=resolution), WEIGHTS) <= 25 * FLIPS
 
 
 # ---- formulas
-
-
-def test_half_of_the_ball_round_a_flat_wall_is_occluded_without_hemisphere(runtime: Runtime) -> None:
-    a = ssao(wall((32, 32)), 0.5, 40, hemisphere=False, blur_radius=0, contrast=1.0, runtime=runtime)
-    # 40 quasi-random points of 16 reflections: half of them behind the wall, to a point of each.
-    assert abs(float(a.mean()) - 0.5) < 1 / 64
 
 
 def occlusion_by_formula(params: SsaoParams, row: int, column: int, weight: Any) -> NDArray[np.float64]:
@@ -94,9 +83,9 @@ def test_falloff_weighs_occluders_by_its_formula(runtime: Runtime, name: str) ->
 
 @pytest.mark.parametrize("contrast", [0.3, 2.5, 10.0])
 def test_contrast_raises_the_result_to_its_power_and_leaves_the_open_open(
-    variant_runtime: Runtime, rng: np.random.Generator, contrast: float
+    variant_runtime: Runtime, contrast: float
 ) -> None:
-    gbuffer = scene("bumpy", camera(size=(31, 39)), rng)
+    gbuffer = view_of("bumpy", size=(31, 39))
     a = ssao(gbuffer, RADIUS, blur_radius=0, contrast=1.0, runtime=variant_runtime)
     deeper = ssao(gbuffer, RADIUS, blur_radius=0, contrast=contrast, runtime=variant_runtime)
     # v_pow's bound; 1 stays exactly 1.
@@ -123,8 +112,8 @@ def test_samples_outside_the_image_count_as_the_policy_says(runtime: Runtime, ou
     np.testing.assert_allclose(a[0, 0], 1 - np.sum(weight) / np.sum(counted), rtol=0, atol=5e-6)
 
 
-def test_of_several_radii_the_greatest_occlusion_counts(runtime: Runtime, rng: np.random.Generator) -> None:
-    gbuffer = scene("bumpy", camera(), rng)
+def test_of_several_radii_the_greatest_occlusion_counts(runtime: Runtime) -> None:
+    gbuffer = view_of("bumpy")
     radii = (0.15, 0.5, 2.0)
     single = [ssao(gbuffer, r, blur_radius=0, runtime=runtime) for r in radii]
     together = ssao(gbuffer, radii, blur_radius=0, runtime=runtime)
@@ -134,12 +123,12 @@ def test_of_several_radii_the_greatest_occlusion_counts(runtime: Runtime, rng: n
 # ---- limits near the camera
 
 
-@pytest.mark.parametrize(("factor", "count"), [(0.5, 16), (24.5 / 16, 24), (5.0, 40)])
-def test_samples_grow_with_the_projected_radius_up_to_the_most(
-    runtime: Runtime, rng: np.random.Generator, factor: float, count: int
-) -> None:
-    gbuffer = scene("bumpy", made := camera("orthographic"), rng)
-    near_px = RADIUS * made.height / 4.0 / factor
+@pytest.mark.parametrize(
+    ("factor", "count"), [(0.5, 16), pytest.param(24.5 / 16, 24, marks=pytest.mark.slow), (5.0, 40)]
+)
+def test_samples_grow_with_the_projected_radius_up_to_the_most(runtime: Runtime, factor: float, count: int) -> None:
+    gbuffer = view_of("bumpy", "orthographic")
+    near_px = RADIUS * gbuffer.camera.height / 4.0 / factor
     a = ssao(gbuffer, RADIUS, near_px=near_px, max_samples=40, blur_radius=0, runtime=runtime)
     b = ssao(gbuffer, RADIUS, count, blur_radius=0, runtime=runtime)
     np.testing.assert_array_equal(a, b)  # the same points in the same order
@@ -149,28 +138,18 @@ def test_samples_grow_with_the_projected_radius_up_to_the_most(
 
 
 @pytest.mark.parametrize(("resolution", "bound"), [("half", 0.035), ("quarter", 0.065)])
-def test_reduced_resolution_is_close_to_the_full_one(
-    runtime: Runtime, rng: np.random.Generator, resolution: str, bound: float
-) -> None:
-    gbuffer = scene("corner", camera(size=(121, 161)), rng)
-    full = ssao(gbuffer, RADIUS, blur_radius=4, runtime=runtime)
-    a = ssao(gbuffer, RADIUS, blur_radius=4, resolution=resolution, runtime=runtime)
+def test_reduced_resolution_is_close_to_the_full_one(runtime: Runtime, resolution: str, bound: float) -> None:
+    gbuffer = view_of("corner", size=(121, 161))
+    full = ssao(gbuffer, RADIUS, runtime=runtime)
+    a = ssao(gbuffer, RADIUS, resolution=resolution, runtime=runtime)
     # A blur of 4 px covers 2 and 4 times the length, and creases are that much wider. Measured:
     # RMSE 0.026 and 0.051; the bound leaves room for other points, not for a shift by a pixel.
     assert math.sqrt(np.mean((a - full) ** 2)) < bound
 
 
-def test_zero_normals_mean_reconstruction(runtime: Runtime, rng: np.random.Generator) -> None:
-    gbuffer = scene("bumpy", camera(), rng)
-    zero = GBuffer(camera=gbuffer.camera, depth=gbuffer.depth, normal=np.zeros((*gbuffer.size, 3)))
-    none = GBuffer(camera=gbuffer.camera, depth=gbuffer.depth)
-    a = ssao(zero, RADIUS, runtime=runtime)
-    np.testing.assert_array_equal(a, ssao(none, RADIUS, runtime=runtime))
-
-
 @pytest.mark.parametrize("length", [1e-30, 1e-3, 3.7, 1e30])
-def test_length_of_given_normals_does_not_matter(runtime: Runtime, rng: np.random.Generator, length: float) -> None:
-    gbuffer = scene("bumpy", camera(), rng)
+def test_length_of_given_normals_does_not_matter(runtime: Runtime, length: float) -> None:
+    gbuffer = view_of("bumpy")
     normal = np.asarray(gbuffer.normal) * np.float32(length)
     scaled = GBuffer(camera=gbuffer.camera, depth=gbuffer.depth, normal=normal)
     a = ssao(gbuffer, RADIUS, blur_radius=0, runtime=runtime)
@@ -179,20 +158,7 @@ def test_length_of_given_normals_does_not_matter(runtime: Runtime, rng: np.rando
     assert share_off(a, b, ROUNDING) <= FLIPS
 
 
-def test_normals_may_point_either_way(runtime: Runtime, rng: np.random.Generator) -> None:
-    gbuffer = scene("corner", camera(), rng)
-    turned = GBuffer(camera=gbuffer.camera, depth=gbuffer.depth, normal=-np.asarray(gbuffer.normal))
-    a = ssao(gbuffer, RADIUS, runtime=runtime)
-    np.testing.assert_array_equal(a, ssao(turned, RADIUS, runtime=runtime))
-
-
 # ---- bad input
-
-
-def test_gbuffer_of_another_size_is_refused(runtime: Runtime) -> None:
-    technique = Ssao(runtime, (8, 8))
-    with pytest.raises(ValueError, match=r"size and margin are \(16, 16\).*expected \(8, 8\)"):
-        technique.run(uploaded(runtime, wall((16, 16))))
 
 
 @pytest.mark.parametrize(

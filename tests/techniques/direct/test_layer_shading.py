@@ -79,21 +79,26 @@ def spread(visibility: NDArray[np.float32], margin: Size, step: int) -> NDArray[
     return visibility[np.ix_(*index)]
 
 
-@pytest.mark.parametrize("margin", [(0, 0), (3, 5)], ids=str)
-@pytest.mark.parametrize("emits", [True, False])
+def assert_layers_are_shaded(
+    radiance: NDArray[np.float32], gbuffer: GBuffer, ao: NDArray[np.float32] | None = None
+) -> None:
+    for layer in range(2):
+        single = alone(gbuffer, layer)
+        there = np.isfinite(np.asarray(single.depth))
+        expected = np.where(there[..., None], shade_reference(single, LIGHTS, ao=ao), 0.0)
+        # float32 positions and normals: a few roundings, relative to the brightest
+        np.testing.assert_allclose(radiance[layer], expected, atol=1e-5 * expected.max())
+
+
+@pytest.mark.parametrize(("margin", "emits"), [((0, 0), True), ((3, 5), False)], ids=str)
 def test_each_layer_is_shaded_as_if_it_were_alone(
     variant_runtime: Runtime, rng: np.random.Generator, margin: Size, emits: bool
 ) -> None:
     gbuffer = layered(rng, margin, emits=emits)
     radiance = lit(variant_runtime, gbuffer, LIGHTS)
     assert radiance is not None
-    for layer in range(2):
-        single = alone(gbuffer, layer)
-        there = np.isfinite(np.asarray(single.depth))
-        expected = np.where(there[..., None], shade_reference(single, LIGHTS), 0.0)
-        # float32 positions and normals: a few roundings, relative to the brightest
-        np.testing.assert_allclose(radiance[layer], expected, atol=1e-5 * expected.max())
-        assert not there.all() or layer == 0
+    assert_layers_are_shaded(radiance, gbuffer)
+    assert np.isinf(np.asarray(gbuffer.depth)[1]).any()
 
 
 @pytest.mark.parametrize("step", [1, 2, 4])
@@ -105,12 +110,7 @@ def test_visibility_dims_the_sky_of_the_nearest_pixels(
     visibility = rng.random((-(-SIZE[0] // step), -(-SIZE[1] // step)), np.float32)
     radiance = lit(variant_runtime, gbuffer, LIGHTS, visibility, step)
     assert radiance is not None
-    ao = spread(visibility, margin, step)
-    for layer in range(2):
-        single = alone(gbuffer, layer)
-        there = np.isfinite(np.asarray(single.depth))
-        expected = np.where(there[..., None], shade_reference(single, LIGHTS, ao=ao), 0.0)
-        np.testing.assert_allclose(radiance[layer], expected, atol=1e-5 * expected.max())
+    assert_layers_are_shaded(radiance, gbuffer, spread(visibility, margin, step))
 
 
 SUN, TURNED = (

@@ -241,7 +241,7 @@ def lit_by_ray(
 
 BUILTIN_LIGHTS = [
     ("cornell_box", 0, "own"),
-    ("cornell_box", 0, "point"),
+    pytest.param("cornell_box", 0, "point", marks=pytest.mark.slow),
     pytest.param("hall", 0, "own", marks=pytest.mark.slow),
     pytest.param("hall", 2, "own", marks=pytest.mark.slow),
     pytest.param("hall", 2, "point", marks=pytest.mark.slow),

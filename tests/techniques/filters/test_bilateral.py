@@ -17,7 +17,7 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.filters.bilateral import bilateral_reference
 from ssgi_cl.techniques.filters.bilateral import Bilateral, BilateralParams, bilateral_blur
 
-from ..analytic import SCENES, VIEWS, camera, check_second_run, scene, share_off, tilted, trace, uploaded
+from ..analytic import SCENES, VIEWS, camera, check_second_run, share_off, tilted, trace, uploaded, view_of
 
 ROUNDING = 3e-5
 """Of a blurred image in [0, 1]. A distance from a tangent plane is off by some 2^-24 of the depth,
@@ -38,7 +38,7 @@ def narrow(size: tuple[int, int] = (33, 47)) -> Camera:
 def test_kernel_agrees_with_numpy_reference_in_every_scene_and_camera(
     runtime: Runtime, rng: np.random.Generator, name: str, kind: str
 ) -> None:
-    gbuffer = scene(name, camera(kind), rng)
+    gbuffer = view_of(name, kind)
     image = rng.random(gbuffer.size).astype(np.float32)
     blurred = bilateral_blur(image, gbuffer, runtime=runtime)
     wanted = bilateral_reference(image, gbuffer)
@@ -46,23 +46,28 @@ def test_kernel_agrees_with_numpy_reference_in_every_scene_and_camera(
 
 
 SWITCHES: list[tuple[dict[str, Any], int]] = [
-    ({"radius": 1}, 1),
-    ({"radius": 7, "separable": False}, 3),
+    ({"radius": 7, "separable": False}, 1),
     ({"radius": 16, "sigma": 6.0, "passes": 2}, 1),
     ({"depth_sigma": 0.1, "normal_sigma": 1.0}, 3),
 ]
-"""And how many channels are blurred; the slow tests take the other number too."""
+"""And how many channels are blurred; the slow tests take the other number too, and the least radius."""
 
 
 @pytest.mark.parametrize(
     ("params", "channels"),
-    [*SWITCHES, *(pytest.param(params, 4 - n, marks=pytest.mark.slow) for params, n in SWITCHES)],
+    [
+        *SWITCHES,
+        *(
+            pytest.param(params, 4 - n, marks=pytest.mark.slow)
+            for params, n in (*SWITCHES, ({"radius": 1}, 1), ({"radius": 1}, 3))
+        ),
+    ],
     ids=str,
 )
 def test_every_kernel_variant_agrees_with_numpy_reference_for_every_switch(
     variant_runtime: Runtime, rng: np.random.Generator, params: dict[str, Any], channels: int
 ) -> None:
-    gbuffer = scene("bumpy", camera(size=(19, 37)), rng)
+    gbuffer = view_of("bumpy", size=(19, 37))
     shape = gbuffer.size if channels == 1 else (*gbuffer.size, 3)
     image = rng.random(shape).astype(np.float32)
     blurred = bilateral_blur(image, gbuffer, runtime=variant_runtime, **params)
@@ -76,7 +81,7 @@ def test_every_kernel_variant_agrees_with_numpy_reference_for_every_switch(
 def test_every_kernel_variant_agrees_with_numpy_reference_at_odd_sizes_and_margins(
     variant_runtime: Runtime, rng: np.random.Generator, size: tuple[int, int], margin: tuple[int, int]
 ) -> None:
-    gbuffer = scene("bumpy", camera(size=size), rng, margin=margin)
+    gbuffer = view_of("bumpy", size=size, margin=margin)
     image = rng.random(size).astype(np.float32)
     blurred = bilateral_blur(image, gbuffer, runtime=variant_runtime)
     # Of few pixels each is so wide that planes change by their own depth from one to the next.
@@ -84,22 +89,10 @@ def test_every_kernel_variant_agrees_with_numpy_reference_at_odd_sizes_and_margi
     np.testing.assert_allclose(blurred, bilateral_reference(image, gbuffer), rtol=0, atol=NOISE)
 
 
-@pytest.mark.slow
-def test_every_kernel_variant_gives_the_same_result(
-    runtime: Runtime, other_variant: Runtime, rng: np.random.Generator
-) -> None:
-    gbuffer = scene("noisy", camera(size=(131, 217)), rng)
-    image = rng.random(gbuffer.size).astype(np.float32)
-    a = bilateral_blur(image, gbuffer, runtime=runtime)
-    b = bilateral_blur(image, gbuffer, runtime=other_variant)
-    # Contraction is off, so variants differ only where a device's division or root is not exact.
-    assert share_off(a, b, 1e-5) < 1e-4
-
-
 @pytest.mark.parametrize("name", SCENES)
-@pytest.mark.parametrize("value", [0.0, 1.0, -3.7, 1e20])
-def test_constant_stays_constant(variant_runtime: Runtime, rng: np.random.Generator, name: str, value: float) -> None:
-    gbuffer = scene(name, camera(), rng)
+@pytest.mark.parametrize("value", [0.0, -3.7, 1e20])
+def test_constant_stays_constant(variant_runtime: Runtime, name: str, value: float) -> None:
+    gbuffer = view_of(name)
     image = np.full(gbuffer.size, value, np.float32)
     blurred = bilateral_blur(image, gbuffer, runtime=variant_runtime)
     # 2 x 9 products and sums, each rounded by 2^-24.
@@ -126,8 +119,8 @@ def test_tilted_plane_is_blurred_like_one_that_faces_the_viewer(
 
 
 @pytest.mark.parametrize("normals", [True, False], ids=["given", "rebuilt"])
-def test_blur_does_not_cross_a_step_in_depth(variant_runtime: Runtime, rng: np.random.Generator, normals: bool) -> None:
-    gbuffer = scene("step", camera(), rng)
+def test_blur_does_not_cross_a_step_in_depth(variant_runtime: Runtime, normals: bool) -> None:
+    gbuffer = view_of("step")
     near = (np.asarray(gbuffer.normal)[..., 0] > 0).astype(np.float32)
     assert 0.1 < near.mean() < 0.9
     if not normals:
@@ -138,8 +131,8 @@ def test_blur_does_not_cross_a_step_in_depth(variant_runtime: Runtime, rng: np.r
         np.testing.assert_allclose(blurred, near, rtol=0, atol=1e-6)
 
 
-def test_blur_does_not_cross_a_crease(variant_runtime: Runtime, rng: np.random.Generator) -> None:
-    gbuffer = scene("corner", camera(), rng)
+def test_blur_does_not_cross_a_crease(variant_runtime: Runtime) -> None:
+    gbuffer = view_of("corner")
     wall = np.argmax(np.abs(gbuffer.normal), axis=-1).astype(np.float32)
     assert len(np.unique(wall)) == 3
     blurred = bilateral_blur(wall, gbuffer, radius=7, runtime=variant_runtime)
@@ -155,7 +148,7 @@ def test_separable_blur_of_a_plane_is_the_full_one(runtime: Runtime, rng: np.ran
 
 
 def test_passes_are_the_blur_again_and_again(runtime: Runtime, rng: np.random.Generator) -> None:
-    gbuffer = scene("bumpy", camera(), rng)
+    gbuffer = view_of("bumpy")
     image = rng.random((*gbuffer.size, 3)).astype(np.float32)
     once = image
     for _ in range(3):
@@ -164,7 +157,7 @@ def test_passes_are_the_blur_again_and_again(runtime: Runtime, rng: np.random.Ge
 
 
 def test_channels_are_blurred_apart(runtime: Runtime, rng: np.random.Generator) -> None:
-    gbuffer = scene("bumpy", camera(), rng)
+    gbuffer = view_of("bumpy")
     image = rng.random((*gbuffer.size, 3)).astype(np.float32)
     together = bilateral_blur(image, gbuffer, runtime=runtime)
     for c in range(3):
@@ -174,7 +167,7 @@ def test_channels_are_blurred_apart(runtime: Runtime, rng: np.random.Generator) 
 
 @pytest.mark.parametrize("params", [{"radius": 0}, {"passes": 0}], ids=str)
 def test_blur_of_no_reach_returns_the_image(runtime: Runtime, rng: np.random.Generator, params: dict[str, Any]) -> None:
-    gbuffer = scene("bumpy", camera(), rng)
+    gbuffer = view_of("bumpy")
     image = rng.random(gbuffer.size).astype(np.float32)
     np.testing.assert_array_equal(bilateral_blur(image, gbuffer, runtime=runtime, **params), image)
     blur = Bilateral(runtime, gbuffer.size, BilateralParams(**params))
@@ -184,7 +177,7 @@ def test_blur_of_no_reach_returns_the_image(runtime: Runtime, rng: np.random.Gen
 
 
 def test_pixels_with_nothing_keep_their_value_and_give_none(variant_runtime: Runtime, rng: np.random.Generator) -> None:
-    gbuffer = scene("noisy", camera(), rng)
+    gbuffer = view_of("noisy")
     empty = np.isinf(gbuffer.depth)
     image = np.where(empty, rng.uniform(-1e6, 1e6, gbuffer.size), 0.25).astype(np.float32)
     blurred = bilateral_blur(image, gbuffer, runtime=variant_runtime)
@@ -205,7 +198,7 @@ def test_any_depths_give_values_within_those_of_the_image(variant_runtime: Runti
 def test_second_run_allocates_and_builds_nothing_and_gives_bit_identical_results(
     variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:
-    gbuffer = scene("noisy", camera(size=(131, 217)), rng)
+    gbuffer = view_of("noisy", size=(131, 217))
     device = uploaded(variant_runtime, gbuffer)
     blur = Bilateral(variant_runtime, gbuffer.size, BilateralParams(passes=2))
     plane = variant_runtime.plane(1, gbuffer.size)
@@ -239,14 +232,11 @@ def test_bad_parameter_is_refused_with_its_name_value_and_range(
     ("image", "error", "message"),
     [
         (np.ones((4, 5)), ValueError, r"image has shape \(4, 5\): expected \(4, 4\)"),
-        (np.ones(4), ValueError, r"image has shape \(4,\): expected \(rows, columns\)"),
         (np.ones((4, 4, 2)), ValueError, r"image has shape \(4, 4, 2\): expected .*3\)"),
         (np.full((4, 4), math.nan), ValueError, r"image\[0, 0\] is nan: expected numbers"),
-        (np.full((4, 4), math.inf), ValueError, r"image\[0, 0\] is inf: expected numbers"),
         (np.ones((4, 4), complex), TypeError, r"image has dtype complex128: expected a real"),
-        (np.full((4, 4), "a"), TypeError, r"image has dtype <U1: expected a real"),
     ],
-    ids=["size", "list", "channels", "nan", "inf", "complex", "text"],
+    ids=["size", "channels", "nan", "complex"],
 )
 def test_bad_image_is_refused_with_its_shape_dtype_or_pixel(
     runtime: Runtime, image: NDArray[Any], error: type[Exception], message: str

@@ -100,12 +100,12 @@ def test_kernel_agrees_with_numpy_reference_in_every_camera_and_with_a_margin(
 
 @pytest.mark.parametrize("name", ["bumpy", "noisy"])
 def test_every_kernel_variant_gives_bit_identical_results_and_order(
-    runtime: Runtime, variant_runtime: Runtime, rng: np.random.Generator, name: str
+    runtime: Runtime, other_variant: Runtime, rng: np.random.Generator, name: str
 ) -> None:
     gbuffer = scene(name, camera(size=SIZE), rng)
     truth = light(SIZE, 0.5)[..., :1]
     results, orders = [], []
-    for used in (runtime, variant_runtime):
+    for used in (runtime, other_variant):
         grid = MultiresGrid(used, SIZE, channels=1)
         results.append(fill(grid, on_device(gbuffer, used), truth, 0.02)[0])
         orders.append(np.concatenate([level.listed() for level in grid._levels]))

@@ -80,7 +80,7 @@ def test_few_lights_are_all_taken_once() -> None:
     assert (weights == 1.0).all()
 
 
-@pytest.mark.parametrize("count", [16, 1000, 1003])
+@pytest.mark.parametrize("count", [16, 1003])
 def test_sums_are_those_of_all_lights(count: int) -> None:
     rng = np.random.default_rng(3)
     at, normal = receivers(rng, count)

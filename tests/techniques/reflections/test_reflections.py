@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
@@ -31,7 +31,7 @@ Doubles = NDArray[np.float64]
 HALF = 8.0
 """Half the side of the space that holds all, round the camera, scene units."""
 CUBE = 128
-"""Cells along a side of the occupancy grid."""
+"""Cells along a side of the occupancy grid, as radiosity has it by default."""
 DEFAULTS = ReflectionsParams()
 
 
@@ -50,8 +50,8 @@ def even(value: float) -> LightVolume:
 def added(
     runtime: Runtime,
     gbuffer: GBuffer,
-    radiance: Doubles,
-    light: Doubles,
+    radiance: ArrayLike,
+    light: ArrayLike,
     environment: Environment,
     *,
     blocks: Scene = FAR_AWAY,
@@ -61,7 +61,7 @@ def added(
     device = on_device(gbuffer, runtime)
     planes = [runtime.plane(3, device.size) for _ in range(2)]
     for plane, values in zip(planes, (radiance, light), strict=True):
-        plane.upload(np.moveaxis(values, -1, 0).astype(np.float32))
+        plane.upload(np.moveaxis(np.broadcast_to(values, (*device.size, 3)), -1, 0).astype(np.float32))
     with runtime.frame():
         occupancy = OccupancyGrid(runtime, CUBE, device.size).fill_scene(
             DeviceScene(runtime, blocks), gbuffer.camera.view, HALF, -HALF, HALF
@@ -76,7 +76,7 @@ def added(
             volume=volume or even(0.0),
         )
         after = planes[0].download()
-    return np.moveaxis(after, 0, -1) - radiance.astype(np.float32)
+    return np.moveaxis(after, 0, -1) - np.asarray(radiance, np.float32)
 
 
 def glossy(gbuffer: GBuffer, gloss: float, rng: np.random.Generator | None = None) -> GBuffer:
@@ -128,8 +128,7 @@ def test_sky_is_averaged_over_the_lobe(runtime: Runtime) -> None:
     made = camera("perspective", (32, 48), eye=(0.0, 3.0, 1.5), target=(0.0, 0.0, 0.0))
     for gloss in (300.0, 20.0):
         gbuffer = glossy(trace(made, [Plane((0, -0.3, 0), (0, 1, 0))]), gloss)
-        zero = np.zeros((32, 48, 3))
-        found = added(runtime, gbuffer, zero, zero, Environment(sky))
+        found = added(runtime, gbuffer, 0.0, 0.0, Environment(sky))
         lobes = Lobes.of(gbuffer, *world_surface(gbuffer)[:2])
         mean = 1.0 + 0.9 * lobes.axis[..., 1:2] * (gloss + 1.0) / (gloss + 2.0)
         inner = np.s_[4:-4, 4:-4]
@@ -152,10 +151,7 @@ def test_no_sky_enters_a_closed_room(runtime: Runtime) -> None:
     planes = [Plane(a, n) for n in ((1, 0, 0), (0, 1, 0), (0, 0, 1))]
     planes += [Plane(b, n) for n in ((-1, 0, 0), (0, -1, 0), (0, 0, -1))]
     gbuffer = glossy(trace(made, planes), 2000.0)
-    size = (*made.size, 3)
-    found = added(
-        runtime, gbuffer, np.full(size, 3.0), np.zeros(size), Environment(1000.0), blocks=room, volume=even(3.0)
-    )
+    found = added(runtime, gbuffer, 3.0, 0.0, Environment(1000.0), blocks=room, volume=even(3.0))
     assert gbuffer.specular is not None
     position = made.unproject(np.asarray(gbuffer.depth))
     apart = np.sort(np.minimum(position - low, high - position), axis=-1)
@@ -178,8 +174,7 @@ def test_surfaces_count_by_how_large_they_appear(runtime: Runtime) -> None:
                                  (4, 6.0, 0.5), (5, 6.0, 0.5)):  # fmt: skip
         volume.radiance[..., face, :] = radiance
         volume.area[..., face] = area
-    zero = np.zeros((24, 32, 3))
-    found = added(runtime, gbuffer, zero, zero, Environment(0.0), blocks=wall, volume=volume)
+    found = added(runtime, gbuffer, 0.0, 0.0, Environment(0.0), blocks=wall, volume=volume)
     lobes = Lobes.of(gbuffer, *world_surface(gbuffer)[:2])
     y, z = np.abs(lobes.axis[..., 1]), np.abs(lobes.axis[..., 2])
     expected = lobes.specular * ((2.0 * y + 6.0 * 0.5 * z) / (y + 0.5 * z))[..., None]
@@ -204,7 +199,7 @@ def test_rays_pass_behind_what_is_no_thicker_than_surfaces_are_taken_to_be(runti
     assert matt.specular is not None
     matt = replace(matt, specular=np.where(on_ball[..., None], 0.0, matt.specular))
     radiance = np.where(on_ball[..., None], 50.0, 0.0) * np.ones(3)
-    found = added(runtime, matt, radiance, np.zeros_like(radiance), Environment(1.0))
+    found = added(runtime, matt, radiance, 0.0, Environment(1.0))
     on_floor = np.isfinite(depth) & ~on_ball
     behind = on_floor.copy()
     behind[:, (~on_ball).all(axis=0)] = False
@@ -239,8 +234,7 @@ def test_a_ray_that_passes_behind_what_is_shown_does_not_reach_what_lies_beyond(
     solid = quads(((-1.0, 0.6, -0.9), (2, 0, 0), (0, 0, 1.8)),
                   ((-4, -0.3, -1.5), (8, 0, 0), (0, 5, 0)),
                   ((-4, -0.3, -1.5), (8, 0, 0), (0, 0, 6)))  # fmt: skip
-    zero = np.zeros_like(radiance)
-    found = added(runtime, gbuffer, radiance, zero, Environment(0.0), blocks=solid)
+    found = added(runtime, gbuffer, radiance, 0.0, Environment(0.0), blocks=solid)
     # Floor points whose mirrored view ray crosses the table's plane within the table.
     eye = made.position
     to = position - eye
@@ -270,8 +264,7 @@ def test_what_is_matt_is_left_alone(runtime: Runtime, rng: np.random.Generator) 
 def test_an_empty_image_gets_nothing(runtime: Runtime) -> None:
     made = Camera.look_at((0, 0, 3), (0, 0, 0), width=16, height=8)
     empty = glossy(GBuffer(camera=made, depth=np.full((8, 16), np.inf, np.float32)), 50.0)
-    zero = np.zeros((8, 16, 3))
-    assert (added(runtime, empty, zero, zero, Environment(2.0)) == 0.0).all()
+    assert (added(runtime, empty, 0.0, 0.0, Environment(2.0)) == 0.0).all()
 
 
 def test_the_function_adds_the_sky_that_a_floor_mirrors(runtime: Runtime) -> None:
@@ -279,7 +272,7 @@ def test_the_function_adds_the_sky_that_a_floor_mirrors(runtime: Runtime) -> Non
     made = camera("perspective", (24, 32), eye=(0.0, 3.0, 1.5), target=(0.0, 0.0, 0.0))
     matt = trace(made, [Plane((0, -0.3, 0), (0, 1, 0))])
     floor = quads(((-8, -0.3, -8), (0, 0, 16), (16, 0, 0)))
-    few = RadiosityParams(surfels=16, vpls=16, directions=16, grid=64)
+    few = RadiosityParams(surfels=16, vpls=16, directions=16)
     dark = np.zeros((24, 32, 3), np.float32)
     given: dict[str, Any] = {"scene": floor, "radiosity": few, "runtime": runtime}
     found = reflections(glossy(matt, 300.0), dark, [Environment((2.0, 1.0, 0.5))], **given)

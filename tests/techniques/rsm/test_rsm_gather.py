@@ -104,6 +104,7 @@ def gather_method(request: pytest.FixtureRequest) -> str:
 
 
 @pytest.mark.parametrize("light", slow_but(LIGHTS, "point"))
+@pytest.mark.parametrize("gather_method", ["flux", "fixed", "rotated", "every"])
 def test_every_kernel_variant_agrees_with_numpy_reference(
     variant_runtime: Runtime, light: str, gather_method: str
 ) -> None:
@@ -123,20 +124,12 @@ def test_kernel_agrees_with_numpy_reference_in_every_camera_and_with_a_margin(
     assert share_off(e, rsm_gather_reference(gbuffer, box_map(), params)) <= FLIPS
 
 
-@pytest.mark.parametrize("light", LIGHTS)
-def test_with_all_texels_every_pixel_is_the_sum_over_the_map(runtime: Runtime, light: str) -> None:
+@pytest.mark.parametrize(("light", "size"), [("spot", 64), ("point", 33), ("directional", 33)])
+def test_with_all_texels_every_pixel_is_the_sum_over_the_map(variant_runtime: Runtime, light: str, size: int) -> None:
     params = RsmGatherParams(pattern="all")
-    seen = box_map(light, 64)
-    e = rsm_gather(box(20, 15), seen, pattern="all", runtime=runtime)
+    seen = box_map(light, size)
+    e = rsm_gather(box(20, 15), seen, pattern="all", runtime=variant_runtime)
     assert share_off(e, rsm_gather_reference(box(20, 15), seen, params)) == 0.0
-
-
-def test_every_kernel_variant_gives_bit_identical_results(
-    runtime: Runtime, variant_runtime: Runtime, gather_method: str
-) -> None:
-    a = rsm_gather(box(), box_map("point"), 40, runtime=runtime, **GATHER_METHODS[gather_method])
-    b = rsm_gather(box(), box_map("point"), 40, runtime=variant_runtime, **GATHER_METHODS[gather_method])
-    np.testing.assert_array_equal(a, b)
 
 
 # ---- several maps
@@ -254,6 +247,7 @@ def test_irradiance_does_not_depend_on_the_maps_resolution(
     np.testing.assert_allclose(means, means[-1], rtol=0.01)
 
 
+@pytest.mark.slow  # the sum over all texels has its reference above, samples converge to it
 def test_the_cornell_box_has_the_light_that_mitsuba_traces_through_walls(
     runtime: Runtime, monkeypatch: pytest.MonkeyPatch, tmp_path: Any
 ) -> None:
@@ -442,9 +436,8 @@ def test_texels_a_million_times_brighter_than_others(runtime: Runtime, gather_me
     e = rsm_gather(box(), replace(seen, flux=flux), 30, runtime=runtime, **GATHER_METHODS[gather_method])
     assert np.isfinite(e).all()
     flux[16, 16] = 3e38
-    assert np.isfinite(
-        rsm_gather(box(), replace(seen, flux=flux), 30, runtime=runtime, **GATHER_METHODS[gather_method])
-    ).all()
+    e = rsm_gather(box(), replace(seen, flux=flux), 30, runtime=runtime, **GATHER_METHODS[gather_method])
+    assert np.isfinite(e).all()
 
 
 def test_a_light_inside_a_wall_lights_it_from_within(runtime: Runtime) -> None:

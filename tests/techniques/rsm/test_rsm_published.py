@@ -80,11 +80,6 @@ def test_several_maps_give_the_sum_of_their_light(variant_runtime: Runtime) -> N
     np.testing.assert_allclose(e, sum(each), rtol=1e-5, atol=1e-6 * e.mean())
 
 
-def test_every_form_gives_bit_identical_results(runtime: Runtime, variant_runtime: Runtime) -> None:
-    one, other = (gathered(r, box(), box_map(), SETTINGS)[0] for r in (runtime, variant_runtime))
-    np.testing.assert_array_equal(one, other)
-
-
 # ---- the paper's formulas
 
 
@@ -106,7 +101,7 @@ def test_lights_move_along_minus_their_normal(runtime: Runtime) -> None:
     np.testing.assert_allclose(e[0, 0], math.pi * 1e-6 * 2.0 / (math.pi * away**2), rtol=1e-5)
 
 
-@pytest.mark.parametrize("light", LIGHTS)
+@pytest.mark.parametrize("light", slow_but(LIGHTS, "spot"))
 def test_the_published_weights_do_not_converge_to_the_sum_over_all_texels(runtime: Runtime, light: str) -> None:
     every = rsm_gather(box(), box_map(light, 64), pattern="all", runtime=runtime)
     few, many = (

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
-from ssgi_cl.device.arrays import Plane
+from ssgi_cl.device.arrays import DeviceArray, Plane
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.ssdo.ssdo_points import Gathered
@@ -57,6 +57,13 @@ def planar(runtime: Runtime, radiance: NDArray[np.floating]) -> Plane:
     plane = runtime.plane(len(images), radiance.shape[1:3])
     plane.upload(images.astype(np.float32))
     return plane
+
+
+def masks_of(runtime: Runtime, masks: DeviceArray, slices: int, size: tuple[int, int]) -> NDArray[np.uint32]:
+    """Return masks in the layout of a plane as [slices, rows, columns]."""
+    pitch = runtime.plane(1, size).pitch
+    rows = masks.download().reshape(-1, pitch)[1 : 1 + slices * size[0], : size[1]]
+    return rows.reshape(slices, *size).view(np.uint32)
 
 
 def as_gathered(images: NDArray[np.float32], *, sky: bool, bounce: bool) -> Gathered:

@@ -20,14 +20,13 @@ from ssgi_cl.techniques.ssdo.ssdo_views import add_point_view
 
 from ..analytic import camera, scene, slow_but
 from .cases import as_gathered, aside, assert_alike, layered, planar, uploaded
-from .test_ssdo_points import FLIPS
+from .test_ssdo_points import FLIPS, SKY
 
 Doubles = NDArray[np.float64]
 
 SIZE = (17, 35)
 RADIUS = 0.9
-PARAMS = PointsParams(radius=RADIUS, samples=33)
-EVEN = np.ones((8, 16, 3))
+PARAMS = PointsParams(radius=RADIUS)
 
 
 def records_of(runtime: Runtime, device: DeviceGBuffer, sent: Doubles) -> SenderRecords:
@@ -89,8 +88,8 @@ def test_every_kernel_variant_agrees_with_numpy_reference(variant_runtime: Runti
     rng = np.random.default_rng(5)
     chosen = dict(VARIANTS[variant])
     step = chosen.pop("step", 1)
-    sky = rng.random((8, 16, 3)) if chosen.pop("sky", True) else None
-    params = replace(PARAMS, **chosen)
+    sky = SKY if chosen.pop("sky", True) else None
+    params = replace(PARAMS, samples=33, **chosen)
     kind = "orthographic" if variant == "orthographic" else "perspective"
     gbuffer = scene("bumpy", camera(kind, size=SIZE), np.random.default_rng(3), margin=(2, 4))
     other = layered(aside(kind), 3)
@@ -112,21 +111,6 @@ def test_every_kernel_variant_agrees_with_numpy_reference(variant_runtime: Runti
     assert_same(case.found(), found)
 
 
-def test_every_kernel_variant_gives_the_same_result(runtime: Runtime, other_variant: Runtime) -> None:
-    results = []
-    for one in (runtime, other_variant):
-        rng = np.random.default_rng(5)
-        gbuffer = scene("bumpy", camera(size=SIZE), np.random.default_rng(3))
-        case = Case(one, gbuffer, own=rng.random((1, *SIZE, 3)), sky=rng.random((8, 16, 3)))
-        case.add(layered(aside("perspective"), 3), rng.random((2, 31, 41, 3)))
-        case.add(layered(camera(size=(31, 41), eye=(3.0, 1.0, 2.0)), 3), None)
-        assert case.points.kept is not None
-        results.append((case.plane.download(), case.points.kept.download()))
-    # Contraction is off, and divisions and roots are exact on both.
-    for one, two in zip(*results, strict=True):
-        np.testing.assert_array_equal(one, two)
-
-
 # ---- what must not change
 
 
@@ -136,7 +120,7 @@ def test_first_camera_again_changes_nothing(runtime: Runtime, method: str) -> No
     gbuffer = scene("bumpy", camera(size=SIZE), np.random.default_rng(3))
     sent = rng.random((1, *SIZE, 3))
     params = replace(PARAMS, method=method)
-    case = Case(runtime, gbuffer, params=params, own=sent, sky=rng.random((8, 16, 3)))
+    case = Case(runtime, gbuffer, params=params, own=sent)
     before = case.found()
     case.add(gbuffer, sent)
     # The least depth follows from the radius with a view, else from the receiver's depth.
@@ -146,7 +130,7 @@ def test_first_camera_again_changes_nothing(runtime: Runtime, method: str) -> No
 @pytest.mark.parametrize("kind", ["perspective", "orthographic"])
 def test_camera_that_sees_nothing_near_changes_nothing(runtime: Runtime, kind: str) -> None:
     gbuffer = scene("corner", camera(size=SIZE), np.random.default_rng(1))
-    case = Case(runtime, gbuffer, own=np.ones((1, *SIZE, 3)), sky=EVEN)
+    case = Case(runtime, gbuffer, own=np.ones((1, *SIZE, 3)))
     before = case.plane.download()
     away = camera(kind, size=(31, 41), eye=(20.0, 20.0, 20.0), target=(40.0, 41.0, 42.0))
     other = GBuffer(camera=away, depth=np.full((31, 41), 5.0, np.float32))
@@ -164,7 +148,7 @@ def test_wall_that_only_another_camera_sees_sends_its_light_once(runtime: Runtim
     eyes = ((1.5, 1.5, 2.5), (1.7, 1.3, 2.4))
     wide = [scene("corner", camera(size=(60, 80), eye=eye), np.random.default_rng(1)) for eye in eyes]
     params = replace(PARAMS, radius=1.0)
-    case = Case(runtime, gbuffer, params=params, own=np.zeros((1, 48, 16, 3)), sky=EVEN)
+    case = Case(runtime, gbuffer, params=params, own=np.zeros((1, 48, 16, 3)))
     before = case.found()
     sums = []
     for other in wide:
@@ -177,20 +161,9 @@ def test_wall_that_only_another_camera_sees_sends_its_light_once(runtime: Runtim
         # The wall hides a good part of the half ball over its foot, a few per cent of the image.
         assert found.visibility.mean() < before.visibility.mean() - 0.01
     assert sums[0] > before.bounce.mean() + 0.05
+    assert sums[1] > sums[0]
     # What the second one adds is at the edges of what the first of the two shows.
     assert sums[1] == pytest.approx(sums[0], rel=0.1)
-
-
-def test_nothing_is_made_the_second_time(runtime: Runtime) -> None:
-    gbuffer = scene("corner", camera(size=SIZE), np.random.default_rng(1))
-    case = Case(runtime, gbuffer, own=np.ones((1, *SIZE, 3)), sky=EVEN)
-    other = uploaded(runtime, scene("corner", aside("perspective"), np.random.default_rng(1)))
-    records = records_of(runtime, other, np.ones((1, 31, 41, 3)))
-    counts = []
-    for _ in range(2):
-        add_point_view(case.points, case.plane, case.device, other, records)
-        counts.append((runtime.allocated_bytes, runtime.builds))
-    assert counts[0] == counts[1]
 
 
 # ---- bad input
@@ -198,7 +171,7 @@ def test_nothing_is_made_the_second_time(runtime: Runtime) -> None:
 
 def test_empty_gbuffer_and_points_that_keep_nothing_are_refused(runtime: Runtime) -> None:
     gbuffer = scene("corner", camera(size=SIZE), np.random.default_rng(1))
-    case = Case(runtime, gbuffer, own=np.ones((1, *SIZE, 3)), sky=EVEN)
+    case = Case(runtime, gbuffer, own=np.ones((1, *SIZE, 3)))
     with pytest.raises(ValueError, match="a device G-buffer is empty: draw or upload something"):
         add_point_view(case.points, case.plane, case.device, DeviceGBuffer(runtime, SIZE), None)
     points = SsdoPoints(runtime, SIZE, 1, PARAMS)

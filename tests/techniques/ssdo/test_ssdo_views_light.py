@@ -26,6 +26,9 @@ Doubles = NDArray[np.float64]
 RADIUS = 4.0
 """Radius of SSDO, as wide as the scenes."""
 
+MANY = {"view_taps": 64}
+"""With few taps, what lies between them is left out."""
+
 
 def bounce(gbuffer: GBuffer, views: list[GBuffer], runtime: Runtime, **params: Any) -> Doubles:
     """Return the red irradiance by surfaces, W/m^2."""
@@ -125,13 +128,11 @@ def test_second_auxiliary_camera_leaves_what_the_first_shows(runtime: Runtime) -
     assert not np.asarray(gbuffer.emission).any()
     on_floor, values = floor_of(gbuffer, nearest=0.02)
     truth = values.mean()
-    # With many taps, as few leave out what lies between them.
-    many = {"taps": 32, "view_taps": 64, "slices": 4}
     views = [
         seen(scene, each, runtime)
         for each in (*near_copies(CASES["wall"][0]), CASES["orthographic"][0], CASES["odd size"][0])
     ]
-    one, two, all_ = (bounce(gbuffer, views[:n], runtime, **many)[on_floor] for n in (1, 2, 5))
+    one, two, all_ = (bounce(gbuffer, views[:n], runtime, **MANY)[on_floor] for n in (1, 2, 5))
     assert one.mean() == pytest.approx(truth, rel=0.06)
     assert np.abs(two - one).max() < 0.01 * truth
     assert all_.mean() == pytest.approx(one.mean(), rel=0.01)
@@ -160,16 +161,15 @@ def test_back_of_what_a_view_shows_sends_its_light(runtime: Runtime) -> None:
     assert behind.sum() > 500
     x, z = position[behind][:, 0], position[behind][:, 2]
     truth = math.pi * lit_by_wall(-0.1 - x, 0.5 + z, 0.5 - z, 1.0).mean()
-    many = {"taps": 32, "view_taps": 64, "slices": 4}
-    assert bounce(gbuffer, [], runtime, **many)[behind].mean() == 0.0
-    found = bounce(gbuffer, [view], runtime, **many)[behind].mean()
+    assert bounce(gbuffer, [], runtime)[behind].mean() == 0.0
+    found = bounce(gbuffer, [view], runtime, **MANY)[behind].mean()
     # Rays have 64 taps, which miss what is narrower than the way between them: 9 % here.
     assert found == pytest.approx(truth, rel=0.15)
     assert found <= 1.02 * truth
     # The slab hides once: its back covers 1 % beside its front, and both again 4 %.
     sky = gi.Environment((1.0, 1.0, 1.0))
     alone, both = (
-        gi.ssdo(gbuffer, [sky], RADIUS, auxiliary_views=views, runtime=runtime, **many)[0][behind]
+        gi.ssdo(gbuffer, [sky], RADIUS, auxiliary_views=views, runtime=runtime, **MANY)[0][behind]
         for views in ([], [view])
     )
     assert np.abs(both - alone).mean() < 0.02 * alone.mean()

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.lights import Environment
@@ -17,9 +18,13 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import gbuffer as drawn
 from ssgi_cl.rasterize import rsm
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
+from ssgi_cl.reference.occupancy.occupancy_grid import OccupancyGridReference, seen_surfaces
+from ssgi_cl.reference.vpl.vpl_splat import receivers
 from ssgi_cl.techniques.vpl.vpl_choice import choose_vpls
 
 from ..analytic import camera, scene
+
+NO_LIGHTS = Vpls(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
 
 
 def uploaded(runtime: Runtime, gbuffer: GBuffer) -> DeviceGBuffer:
@@ -43,6 +48,31 @@ def lit_scene(runtime: Runtime, name: str, columns: int, rows: int) -> tuple[GBu
     punctual_lights: list[Any] = [light for light in made.lights if not isinstance(light, Environment)]
     maps = [rsm(made.scene, light, size=256, runtime=runtime) for light in punctual_lights]
     return drawn(made.scene, made.camera(columns, rows), runtime=runtime), choose_vpls(maps, 1024, runtime=runtime)
+
+
+def walls_between(gbuffer: GBuffer, seen: ReflectiveShadowMap, vpls: Vpls, cells: int) -> OccupancyGridReference:
+    """Return the walls that a camera and a light see, in a grid round what is lit and the lights."""
+    _, point, _ = receivers(gbuffer)
+    inside = in_view(gbuffer, np.concatenate([point, vpls.position]))
+    return OccupancyGridReference(inside, seen_surfaces(gbuffer, [seen]), cells)
+
+
+def in_view(gbuffer: GBuffer, points: NDArray[Any]) -> NDArray[np.float64]:
+    """Return points of the world in the view space of a G-buffer's camera."""
+    view = gbuffer.camera.view
+    return np.asarray(points @ view[:3, :3].T + view[:3, 3])
+
+
+def assert_no_light_where_nothing_is(rng: np.random.Generator, irradiance: Callable[[GBuffer], NDArray[Any]]) -> None:
+    """Light an image of nothing, and one with a ball before it."""
+    made = camera(size=(20, 30))
+    nothing = GBuffer(camera=made, depth=np.full(made.size, np.inf, np.float32))
+    np.testing.assert_array_equal(irradiance(nothing), 0.0)
+    gbuffer = scene("ball", made, rng)
+    empty = np.isinf(np.asarray(gbuffer.depth))
+    e = irradiance(gbuffer)
+    np.testing.assert_array_equal(e[empty], 0.0)
+    assert e[~empty].any()
 
 
 def assert_second_run_allocates_nothing(runtime: Runtime, run: Callable[[], Plane]) -> None:

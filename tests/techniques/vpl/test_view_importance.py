@@ -17,16 +17,14 @@ from ssgi_cl.rasterize import gbuffer as drawn
 from ssgi_cl.rasterize import rsm
 from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
-from ssgi_cl.reference.occupancy.occupancy_grid import OccupancyGridReference, seen_surfaces
 from ssgi_cl.reference.vpl.view_importance import GROUP, run_weights, view_importance_reference
-from ssgi_cl.reference.vpl.vpl_splat import receivers
 from ssgi_cl.techniques.multires.multires_splat import MultiresSplat, MultiresSplatParams
 from ssgi_cl.techniques.vpl.flux_curve import RUN, FluxCurve, curve_key, hilbert_order
 from ssgi_cl.techniques.vpl.vpl_choice import ChosenVpls, choose_vpls
 from ssgi_cl.techniques.vpl.vpl_splat import VplSplat, VplSplatParams
 
 from ...closed_forms import quads
-from .given import cornell_box, uploaded
+from .given import cornell_box, uploaded, walls_between
 
 
 @pytest.mark.parametrize("overscan", [0.0, 0.1])
@@ -42,11 +40,7 @@ def test_importance_agrees_with_the_reference(variant_runtime: Runtime, overscan
     sums = found[: 2 * runs].reshape(2, runs)
     np.testing.assert_allclose(found[2 * runs :], sums.sum(axis=1), rtol=1e-5)
 
-    view = gbuffer.camera.view
-    _, point, _ = receivers(gbuffer)
-    by_flux = choose_vpls(seen, 500, runtime=variant_runtime)
-    inside = np.concatenate([point, by_flux.position]) @ view[:3, :3].T + view[:3, 3]
-    walls = OccupancyGridReference(inside, seen_surfaces(gbuffer, [seen]), 32)
+    walls = walls_between(gbuffer, seen, choose_vpls(seen, 500, runtime=variant_runtime), 32)
     wanted = view_importance_reference(seen, gbuffer, walls)
     np.testing.assert_array_equal(sums[1], wanted[1])
     assert sums[1].sum() > 1000
@@ -97,6 +91,7 @@ def test_lights_go_where_they_reach_the_image_and_keep_the_flux_of_the_map(varia
     assert sum_by_importance == pytest.approx(sum_by_flux, rel=1e-5)
 
 
+@pytest.mark.slow  # the means of 33 images; the choice and the rays are held to the reference above
 def test_shared_shadow_rays_and_importance_change_no_mean(runtime: Runtime) -> None:
     made = BUILTIN_SCENES["parlour"]()
     gbuffer = uploaded(runtime, drawn(made.scene, made.camera(120, 90), runtime=runtime))

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,6 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import gbuffer as drawn
 from ssgi_cl.rasterize import rsm
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
-from ssgi_cl.reference.occupancy.occupancy_grid import OccupancyGridReference, seen_surfaces
 from ssgi_cl.reference.vpl.vpl_splat import receivers, vpl_splat_reference, vpl_visibility_reference
 from ssgi_cl.techniques.occupancy.occupancy_grid import cells_for
 from ssgi_cl.techniques.vpl.packed_vpls import NEAR_CAPACITY
@@ -28,8 +28,17 @@ from ssgi_cl.techniques.vpl.vpl_splat import VplSplat, VplSplatParams, vpl_splat
 from ssgi_cl.truth import one_bounce
 
 from ...closed_forms import quads
-from ..analytic import CAMERAS, Plane, camera, scene, trace
-from .given import assert_second_run_allocates_nothing, assert_what_does_not_fit_is_refused, cornell_box, uploaded
+from ..analytic import CAMERAS, Plane, camera, scene, slow_but, trace
+from .given import (
+    NO_LIGHTS,
+    assert_no_light_where_nothing_is,
+    assert_second_run_allocates_nothing,
+    assert_what_does_not_fit_is_refused,
+    cornell_box,
+    in_view,
+    uploaded,
+    walls_between,
+)
 
 ROUNDING = 1e-4
 """Relative to a pixel's irradiance and to a hundredth of the mean."""
@@ -68,7 +77,7 @@ def assert_close(a: NDArray[Any], b: NDArray[Any], tolerance: float = ROUNDING) 
 
 
 @pytest.mark.parametrize("kind", CAMERAS)
-@pytest.mark.parametrize("name", ["corner", "ball", "bumpy"])
+@pytest.mark.parametrize("name", slow_but(["corner", "ball", "bumpy"], "bumpy"))
 def test_kernel_agrees_with_numpy_reference_in_every_scene_and_camera(
     runtime: Runtime, rng: np.random.Generator, name: str, kind: str
 ) -> None:
@@ -82,13 +91,9 @@ def test_kernel_agrees_with_numpy_reference_in_every_scene_and_camera(
 @pytest.mark.parametrize(
     "params",
     [
-        {"cutoff": 0.0},
-        {"cutoff": 0.0, "cull": False},
         {"cutoff": 0.3, "cull": False},
         {"cutoff": 0.3, "unit_distance": 0.7},
         {"cutoff": 0.0, "near": "clamped"},
-        {"cutoff": 0.1, "near": "clamped"},
-        {"cutoff": 0.0, "interleave": True, "blur_radius": 0},
         {"cutoff": 0.2, "interleave": True, "blur_radius": 0, "near": "clamped"},
     ],
     ids=str,
@@ -114,20 +119,6 @@ def test_every_kernel_variant_agrees_with_numpy_reference_at_odd_sizes_and_margi
     assert_close(e, wanted)
 
 
-@pytest.mark.slow
-def test_every_kernel_variant_gives_the_same_result(
-    runtime: Runtime, other_variant: Runtime, rng: np.random.Generator
-) -> None:
-    gbuffer, vpls = scene("bumpy", camera(size=(61, 87)), rng), lights(rng, 300)
-    for interleave in (False, True):
-        one, other = (
-            irradiance(r, gbuffer, vpls, cutoff=0.02, interleave=interleave, blur_radius=0)
-            for r in (runtime, other_variant)
-        )
-        # Contraction is off, so variants differ only where a device's division is not exact.
-        np.testing.assert_allclose(one, other, rtol=1e-6)
-
-
 def test_all_texels_sum_up_as_in_float64(runtime: Runtime) -> None:
     gbuffer, seen = cornell_box(runtime, 32, 24, 64)
     vpls = choose_vpls(seen, 64 * 64, runtime=runtime)
@@ -137,8 +128,8 @@ def test_all_texels_sum_up_as_in_float64(runtime: Runtime) -> None:
     np.testing.assert_allclose(e, wanted, rtol=1e-4, atol=1e-6 * wanted.mean())
 
 
-@pytest.mark.parametrize("kind", ["perspective", "orthographic", "reversed-z"])
-@pytest.mark.parametrize("cutoff", [0.0, 0.01, 0.1, 1.0, 30.0])
+@pytest.mark.parametrize("kind", slow_but(["perspective", "orthographic", "reversed-z"], "perspective"))
+@pytest.mark.parametrize("cutoff", [0.0, 0.01, 1.0, 30.0])
 def test_tiles_leave_out_only_lights_that_give_them_nothing(
     runtime: Runtime, rng: np.random.Generator, kind: str, cutoff: float
 ) -> None:
@@ -250,22 +241,15 @@ def test_lights_of_all_brightnesses_add_up(runtime: Runtime, rng: np.random.Gene
 
 @pytest.mark.parametrize("interleave", [False, True])
 def test_no_lights_give_no_light(variant_runtime: Runtime, interleave: bool) -> None:
-    none = Vpls(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
-    e = irradiance(variant_runtime, facing_wall(), none, cutoff=0.0, interleave=interleave, visibility=interleave)
+    params = {"cutoff": 0.0, "interleave": interleave, "visibility": interleave}
+    e = irradiance(variant_runtime, facing_wall(), NO_LIGHTS, **params)
     np.testing.assert_array_equal(e, 0.0)
 
 
 def test_empty_pixels_and_images_get_no_light(variant_runtime: Runtime, rng: np.random.Generator) -> None:
-    made, vpls = camera(size=(20, 30)), lights(rng)
-    nothing = GBuffer(camera=made, depth=np.full(made.size, np.inf, np.float32))
-    gbuffer = scene("ball", made, rng)
-    empty = np.isinf(np.asarray(gbuffer.depth))
-    for interleave in (False, True):
-        params = {"cutoff": 0.0, "interleave": interleave, "visibility": interleave}
-        np.testing.assert_array_equal(irradiance(variant_runtime, nothing, vpls, **params), 0.0)
-        e = irradiance(variant_runtime, gbuffer, vpls, **params)
-        np.testing.assert_array_equal(e[empty], 0.0)
-        assert e[~empty].any()
+    for on in (False, True):
+        lit = partial(irradiance, variant_runtime, vpls=lights(rng), cutoff=0.0, interleave=on, visibility=on)
+        assert_no_light_where_nothing_is(rng, lit)
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1e6])
@@ -397,25 +381,19 @@ def test_cells_are_half_as_wide_again_as_pixels(size: tuple[int, int], cells: in
     assert cells_for(size) == cells
 
 
-def test_lines_of_sight_agree_with_numpy_reference(variant_runtime: Runtime) -> None:
+def test_lines_of_sight_agree_with_numpy_reference(variant_runtime: Runtime, rng: np.random.Generator) -> None:
     gbuffer, seen, vpls = capacity(variant_runtime)
+    # The chosen send alike: of lights that share a ray, the brighter are to get it more often.
+    vpls = replace(vpls, flux=vpls.flux * 10.0 ** rng.uniform(-1, 1, (len(vpls), 1)))
     params = VplSplatParams(vpls=512, cutoff=0.0, interleave=True, visibility=True, blur_radius=0, grid=32, share=5)
     device = uploaded(variant_runtime, gbuffer)
     technique = VplSplat(variant_runtime, gbuffer.size, params)
     e = np.moveaxis(technique.run(device, vpls, rsms=[on_device_rsm(seen, variant_runtime)]).download(), 0, -1)
-    view = gbuffer.camera.view
-
-    def in_view(points: NDArray[Any]) -> NDArray[np.float64]:
-        return points @ view[:3, :3].T + view[:3, 3]
-
-    _, point, _ = receivers(gbuffer)
-    grid = OccupancyGridReference(
-        in_view(np.concatenate([point, vpls.position])), seen_surfaces(gbuffer, [seen]), params.grid
-    )
+    walls = walls_between(gbuffer, seen, vpls, params.grid)
 
     def hidden(x: Any, n: Any, y: Any, m: Any) -> NDArray[np.bool_]:
-        turn = view[:3, :3].T
-        return grid.hidden(in_view(x), n @ turn, in_view(y), m @ turn)
+        turn = gbuffer.camera.view[:3, :3].T
+        return walls.hidden(in_view(gbuffer, x), n @ turn, in_view(gbuffer, y), m @ turn)
 
     wanted = vpl_visibility_reference(gbuffer, vpls, params, technique.lists(), hidden)
     mean = wanted.mean()
@@ -593,8 +571,7 @@ def test_neither_lights_nor_maps_are_refused(runtime: Runtime) -> None:
 # ---- prepared once, called many times
 
 
-@pytest.mark.parametrize("given_lights", [False, True])
-@pytest.mark.parametrize("visibility", [False, True])
+@pytest.mark.parametrize(("visibility", "given_lights"), [(False, True), (True, False)])
 def test_second_call_allocates_and_builds_nothing_and_gives_bit_identical_results(
     variant_runtime: Runtime, visibility: bool, given_lights: bool
 ) -> None:

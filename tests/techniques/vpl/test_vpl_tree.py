@@ -217,10 +217,10 @@ def test_near_lights_give_way_to_their_parts_as_in_the_reference(
 
 @pytest.mark.parametrize("light_error", [0.0, 0.005])
 def test_every_kernel_variant_gives_the_same_result(
-    runtime: Runtime, variant_runtime: Runtime, rng: np.random.Generator, light_error: float
+    runtime: Runtime, other_variant: Runtime, rng: np.random.Generator, light_error: float
 ) -> None:
     gbuffer, vpls = scene("bumpy", camera(size=(33, 41)), rng, margin=(3, 5)), lights(rng)
-    one, other = (Lit(r, gbuffer, vpls, light_error) for r in (runtime, variant_runtime))
+    one, other = (Lit(r, gbuffer, vpls, light_error) for r in (runtime, other_variant))
     # Contraction is off, so variants differ only where a device's division is not exact.
     np.testing.assert_allclose(one.irradiance, other.irradiance, rtol=1e-6)
     groups = -(-int(one.seen.sum()) // GROUP)

@@ -84,10 +84,9 @@ def test_every_kernel_variant_chooses_what_float64_chooses(variant_runtime: Runt
         assert_same_lights(found.parts, wanted.parts)
 
 
-def test_every_kernel_variant_chooses_the_same(runtime: Runtime, variant_runtime: Runtime) -> None:
+def test_every_kernel_variant_chooses_the_same(runtime: Runtime, other_variant: Runtime) -> None:
     one, other = (
-        choose_vpls(rsm(FLOOR, SPOT, size=61, runtime=r), 100, parts=True, runtime=r)
-        for r in (runtime, variant_runtime)
+        choose_vpls(rsm(FLOOR, SPOT, size=61, runtime=r), 100, parts=True, runtime=r) for r in (runtime, other_variant)
     )
     assert one.parts is not None
     assert other.parts is not None

@@ -149,7 +149,9 @@ class _Reader:
         )
 
     def _texture(self, image: Any) -> int:
-        return -1 if image is None else self._textures.add(rgba_of(image, "a texture"))
+        if image is None or not self._textures.drawn:
+            return -1
+        return self._textures.add(rgba_of(image, "a texture"))
 
 
 def _lobe(source: Any, color: NDArray[np.float64]) -> Lobe:

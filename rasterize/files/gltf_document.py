@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from ssgi_cl.core.errors import SceneError, shown
-from ssgi_cl.rasterize.files.gltf_schema import DRACO, LIGHTS, VISIBILITY, Json, check_document
+from ssgi_cl.rasterize.files.gltf_schema import DRACO, KTX2, LIGHTS, VISIBILITY, Json, check_document
 from ssgi_cl.rasterize.files.textures import UTF8_MARK, read_uri
 
-UNDERSTOOD = (DRACO, "KHR_mesh_quantization", "KHR_texture_transform", LIGHTS, VISIBILITY, "EXT_texture_webp")
+UNDERSTOOD = (DRACO, "KHR_mesh_quantization", "KHR_texture_transform", LIGHTS, VISIBILITY, KTX2, "EXT_texture_webp")
 """Besides KHR_materials_*, whose base colour and emission are usable whatever else they add."""
 _REFUSED = ("EXT_meshopt_compression", "KHR_meshopt_compression", "EXT_mesh_gpu_instancing")
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from ssgi_cl.core.checks import MOST_LIGHT
 from ssgi_cl.core.errors import SceneError, shown
 from ssgi_cl.core.scene import Material
 from ssgi_cl.rasterize.files.gltf_document import item
-from ssgi_cl.rasterize.files.gltf_schema import Json
+from ssgi_cl.rasterize.files.gltf_schema import KTX2, Json
 from ssgi_cl.rasterize.files.metal_rough import Lobe, metal_rough_lobe, rough_lobe
 from ssgi_cl.rasterize.files.textures import TextureSet, lets_through, mean_color, read_uri
 
@@ -50,7 +51,7 @@ class GltfMaterials:
         self.in_order: list[Material] = []
         self._document, self._views, self._folder, self._textures = document, views, folder, textures
         self._known: dict[int | None, tuple[int, GltfMaterial]] = {}
-        self._images: dict[int, NDArray[np.uint8]] = {}
+        self._images: dict[int, NDArray[np.uint8] | None] = {}
 
     @property
     def numbers(self) -> list[int]:
@@ -80,8 +81,7 @@ class GltfMaterials:
         mode = source.get("alphaMode", "OPAQUE")
         cutoff = {"MASK": float(source.get("alphaCutoff", 0.5)), "BLEND": 0.5}.get(mode, 0.0)
         texture, uv_set, uv_matrix, image, base = -1, 0, None, None, color[:3]
-        if laid is not None:
-            image = self._image(laid["index"])
+        if laid is not None and (image := self._image(laid["index"])) is not None:
             texture, base = self._textures.add(image), base * mean_color(image)
             uv_set, uv_matrix = _layout(laid)
         lobe = self._lobe(source, base)
@@ -122,7 +122,8 @@ class GltfMaterials:
 
     def _mean(self, laid: Json | None, channel: int) -> float:
         """Return the mean of a texture's channel in [0, 1]; 1 without a texture."""
-        return 1.0 if laid is None else float(self._image(laid["index"])[..., channel].mean()) / 255.0
+        image = None if laid is None else self._image(laid["index"])
+        return 1.0 if image is None else float(image[..., channel].mean()) / 255.0
 
     def _through(self, source: Json) -> float:
         """Return the share of the base colour that is transmitted; a texture counts with its mean."""
@@ -141,28 +142,41 @@ class GltfMaterials:
                 f"{MOST_LIGHT:g} (W m^-2 sr^-1)"
             )
         laid = source.get("emissiveTexture")
-        if laid is not None and emission.any():
-            emission = emission * mean_color(self._image(laid["index"]))
+        if laid is not None and emission.any() and (image := self._image(laid["index"])) is not None:
+            emission = emission * mean_color(image)
         red, green, blue = (float(value) for value in emission.clip(0.0, None))
         return red, green, blue
 
-    def _image(self, texture: int) -> NDArray[np.uint8]:
-        """Return the pixels of texture number `texture`."""
+    def _image(self, texture: int) -> NDArray[np.uint8] | None:
+        """Return the pixels of texture number `texture`; None where textures are not drawn or its file is not found."""
+        if not self._textures.drawn:
+            return None
         entry: Json = item(self._document.get("textures", []), texture, "the number of a texture")
-        webp = entry.get("extensions", {}).get("EXT_texture_webp", {})
-        index = webp.get("source", entry.get("source"))
+        extensions: Json = entry.get("extensions", {})
+        index = extensions.get("EXT_texture_webp", {}).get("source", entry.get("source"))
+        if KTX2 in extensions:
+            if index is None:
+                raise SceneError(
+                    f"texture {texture} is a KTX2 image ({KTX2}) alone, which is not read: export it with PNG, JPEG or "
+                    "WebP; load_scene(..., textures=False) or --no-textures draws the scene without"
+                )
+            self._textures.note(f"KTX2 images ({KTX2}) are not read: those that the file has beside them are drawn")
         if index is None:
             raise SceneError(f"texture {texture} has no image in a supported format: {sorted(entry)}")
         if index not in self._images:
             image: Json = item(self._document.get("images", []), index, f"the image of texture {texture}")
             what = f"image {index} {shown(image.get('name', image.get('uri', '')))}"
+            uri = image.get("uri", "")
             if "bufferView" in image:
                 data = bytes(item(self._views, image["bufferView"], f"the view of {what}"))
-            elif "uri" in image:
-                data = read_uri(image["uri"], self._folder, f"the uri of {what}")
+                self._images[index] = self._textures.decode(data, what)
+            elif uri.startswith("data:"):
+                data = read_uri(uri, self._folder, f"the uri of {what}")
+                self._images[index] = self._textures.decode(data, what)
+            elif uri:
+                self._images[index] = self._textures.read(self._folder, unquote(uri), f"the uri of image {index}")
             else:
                 raise SceneError(f"{what} has neither a uri nor a buffer view")
-            self._images[index] = self._textures.decode(data, what)
         return self._images[index]
 
 

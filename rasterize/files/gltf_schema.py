@@ -16,6 +16,7 @@ Json = dict[str, Any]
 DRACO = "KHR_draco_mesh_compression"
 LIGHTS = "KHR_lights_punctual"
 VISIBILITY = "KHR_node_visibility"
+KTX2 = "KHR_texture_basisu"
 
 _Rule = Callable[[Any, str], None]
 _Schema = Any
@@ -193,7 +194,9 @@ _DOCUMENT = {
     ],
     "meshes": [{"primitives!": [_PRIMITIVE]}],
     "materials": [_MATERIAL],
-    "textures": [{"source": _integer, "extensions": {"EXT_texture_webp": {"source": _integer}}}],
+    "textures": [
+        {"source": _integer, "extensions": {"EXT_texture_webp": {"source": _integer}, KTX2: {"source": _integer}}}
+    ],
     "images": [{"uri": _text, "bufferView": _integer, "name": _text}],
     "accessors": [
         {

@@ -27,7 +27,10 @@ READERS = {".glb": "gltf", ".gltf": "gltf", ".obj": "obj", ".ply": "ply"}
 
 @checked_keywords
 def load_scene(
-    source: str | os.PathLike[str] | trimesh.Scene | trimesh.Trimesh, *, crease_angle: float = DEFAULT_CREASE_ANGLE
+    source: str | os.PathLike[str] | trimesh.Scene | trimesh.Trimesh,
+    *,
+    crease_angle: float = DEFAULT_CREASE_ANGLE,
+    textures: bool = True,
 ) -> Scene:
     """Load a scene from a file (.glb, .gltf, .obj with .mtl, .ply) or from trimesh objects.
 
@@ -39,23 +42,26 @@ def load_scene(
         source: path of the file, or what trimesh made.
         crease_angle: radians, in [0, pi]; where normals are missing, faces that meet at a sharper
             angle keep an edge between them, others are smoothed. 0 makes every face flat.
+        textures: whether textures are read; without, materials have their factors alone.
 
     Returns:
         The scene with the lights and cameras that a glTF file describes, and notes on what of the
         file is not drawn.
 
     Raises:
-        SceneError: the file is missing, of an unknown kind, damaged or without triangles; it
-            refers to a texture that is missing or outside of its folder; a vertex is not finite.
+        SceneError: the file is missing, of an unknown kind, damaged or without triangles; a texture
+            can't be read; a vertex is not finite. Textures, libraries and materials that are not found
+            in the file's folder are noted.
         MissingExtraError: the file needs a package that is not installed.
         ValueError: `crease_angle` is out of range.
     """
     angle = checks.number("crease_angle", crease_angle, low=0.0, high=math.pi, unit="radians")
-    textures = TextureSet()
+    checks.switch("textures", textures)
+    images = TextureSet(drawn=textures)
     if not isinstance(source, (str, os.PathLike)):
         from ssgi_cl.rasterize.files.from_trimesh import read_trimesh
 
-        return _joined(read_trimesh(source, textures), textures, angle)
+        return _joined(read_trimesh(source, images), images, angle)
     path = Path(source)
     if not path.is_file():
         raise SceneError(f"{path}: there is no such file")
@@ -64,7 +70,7 @@ def load_scene(
         raise SceneError(f"{path} ends in {path.suffix!r}: expected one of {', '.join(READERS)}")
     reader = import_module(f"ssgi_cl.rasterize.files.{module}")
     try:
-        return _joined(reader.read(path, textures), textures, angle)
+        return _joined(reader.read(path, images), images, angle)
     except SsgiError as error:
         if str(path.name) in str(error):
             raise
@@ -78,6 +84,7 @@ def load_scene(
 def _joined(contents: Contents, textures: TextureSet, crease_angle: float) -> Scene:
     """Return the scene of what a file holds."""
     scene = assemble(contents.parts, contents.materials, textures.textures, crease_angle=crease_angle)
-    if not (contents.lights or contents.cameras or contents.notes):
+    notes = (*contents.notes, *textures.notes)
+    if not (contents.lights or contents.cameras or notes):
         return scene
-    return replace(scene, lights=contents.lights, cameras=contents.cameras, notes=contents.notes)
+    return replace(scene, lights=contents.lights, cameras=contents.cameras, notes=notes)

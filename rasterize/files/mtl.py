@@ -12,7 +12,7 @@ from PIL import Image
 
 from ssgi_cl.core.errors import SceneError, shown
 from ssgi_cl.core.scene import Material
-from ssgi_cl.rasterize.files.textures import TextureSet, read_beside
+from ssgi_cl.rasterize.files.textures import TextureSet
 
 # Options of a map statement and how many words follow each; -s, -o and -t take one to three.
 _OPTION_WORDS = {
@@ -63,7 +63,8 @@ def read_mtl(text: str, folder: Path, textures: TextureSet, *, within: Path) -> 
         within: the folder that no texture may lie outside of.
 
     Raises:
-        SceneError: a number can't be read, a texture is missing, damaged or outside of `within`.
+        SceneError: a number can't be read, or a texture is damaged. One that is not found, or outside
+            of `within`, is noted.
     """
     entries: dict[str, _Entry] = {}
     entry: _Entry | None = None
@@ -81,7 +82,7 @@ def read_mtl(text: str, folder: Path, textures: TextureSet, *, within: Path) -> 
             entry.numbers[key] = _numbers(key, words[1:], entry.name)
         elif key in ("map_kd", "map_d"):
             entry.maps[key] = _map(line.strip()[len(key) :].strip(), entry.name)
-    images: dict[str, NDArray[np.uint8]] = {}
+    images: dict[str, NDArray[np.uint8] | None] = {}
 
     def image_of(entry: _Entry, key: str) -> NDArray[np.uint8] | None:
         if key not in entry.maps:
@@ -89,15 +90,15 @@ def read_mtl(text: str, folder: Path, textures: TextureSet, *, within: Path) -> 
         name = entry.maps[key].name
         if name not in images:
             what = f"the {key} texture of material {shown(entry.name)}"
-            data = read_beside(folder, name, what, within=within)
-            images[name] = textures.decode(data, f"{what} ({shown(name)})")
+            images[name] = textures.read(folder, name, what, within=within)
         return images[name]
 
     result = {}
     for name, entry in entries.items():
         texture = -1
-        if entry.maps:
-            texture = textures.add(_join(image_of(entry, "map_kd"), image_of(entry, "map_d")))
+        color, opacity = image_of(entry, "map_kd"), image_of(entry, "map_d")
+        if color is not None or opacity is not None:
+            texture = textures.add(_join(color, opacity))
         result[name] = _material(entry, texture)
     return result
 

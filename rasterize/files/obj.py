@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.errors import SceneError
+from ssgi_cl.core.errors import SceneError, shown
 from ssgi_cl.core.scene import Material
 from ssgi_cl.rasterize.files.mtl import MtlMaterial, read_mtl
 from ssgi_cl.rasterize.files.polygons import triangulate
-from ssgi_cl.rasterize.files.textures import TextureSet, is_file, read_beside, srgb_to_linear
+from ssgi_cl.rasterize.files.textures import TextureSet, found_beside, is_file, srgb_to_linear
 from ssgi_cl.rasterize.parts import Contents, Part
 
 _MISSING_SLASHES = (b"/0/0", b"/0", b"")
@@ -43,10 +43,11 @@ def read(path: Path, textures: TextureSet) -> Contents:
 
     Polygons are cut into triangles. Colours that follow the position of a vertex are taken as
     sRGB-encoded, in [0, 1] or [0, 255]. A material that no library defines is grey. Lines, points,
-    curves and smoothing groups (the crease angle stands for them) are left out.
+    curves and smoothing groups (the crease angle stands for them) are left out. A library, a
+    material or a texture that is not found is noted.
 
     Raises:
-        SceneError: a number or an index can't be read, a library or texture is missing.
+        SceneError: a number or an index can't be read, or a texture is damaged.
     """
     text = path.read_bytes().decode("utf-8-sig", errors="replace")
     statements = _sort_lines(text)
@@ -60,6 +61,9 @@ def read(path: Path, textures: TextureSet) -> Contents:
     cut, face = triangulate(counts, positions[corners[:, 0]])
     material_ids = np.array(statements.material_of_face, dtype=np.int64)[face]
     library = _libraries(statements, path.parent, textures)
+    for name in statements.material_names:
+        if name and name not in library:
+            textures.note(f"material {shown(name)} is in no library: it is drawn grey")
     grey = [MtlMaterial(material=Material(name=name)) for name in statements.material_names]
     found = [library.get(name, grey[i]) for i, name in enumerate(statements.material_names)]
 
@@ -212,9 +216,12 @@ def _libraries(statements: _Statements, folder: Path, textures: TextureSet) -> d
     found: dict[str, MtlMaterial] = {}
     for line in dict.fromkeys(statements.libraries):
         for name in _library_names(line, lambda name: is_file(folder / name)):
-            text = read_beside(folder, name, "the mtllib").decode("utf-8-sig", errors="replace")
-            beside = (folder / name.replace("\\", "/")).parent
-            found |= read_mtl(text, beside, textures, within=folder)
+            path = found_beside(folder, name)
+            if path is None:
+                textures.note(f"the mtllib is {shown(name)}, which is not found: its materials are drawn grey")
+                continue
+            text = path.read_bytes().decode("utf-8-sig", errors="replace")
+            found |= read_mtl(text, path.parent, textures, within=folder)
     return found
 
 

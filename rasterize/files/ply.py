@@ -14,7 +14,7 @@ from ssgi_cl.core.errors import SceneError
 from ssgi_cl.core.scene import Material
 from ssgi_cl.rasterize.files.ply_header import PlyHeader, read_header
 from ssgi_cl.rasterize.files.ply_polygons import INDEX_LISTS, as_triangles
-from ssgi_cl.rasterize.files.textures import UTF8_MARK, TextureSet, read_beside, srgb_to_linear
+from ssgi_cl.rasterize.files.textures import UTF8_MARK, TextureSet, srgb_to_linear
 from ssgi_cl.rasterize.parts import Contents, Part
 
 
@@ -27,7 +27,7 @@ def read(path: Path, textures: TextureSet) -> Contents:
     grey.
 
     Raises:
-        SceneError: damaged, or the texture is missing.
+        SceneError: damaged.
     """
     data = path.read_bytes().removeprefix(UTF8_MARK)
     header = read_header(data, path)
@@ -58,9 +58,8 @@ def read(path: Path, textures: TextureSet) -> Contents:
         part = part.with_face_colors(of_face)
     texture = -1
     if header.texture and part.uvs is not None:
-        what = f"the TextureFile of {path.name}"
-        image = read_beside(path.parent, header.texture, what)
-        texture = textures.add(textures.decode(image, what))
+        image = textures.read(path.parent, header.texture, f"the TextureFile of {path.name}")
+        texture = -1 if image is None else textures.add(image)
     white = texture >= 0 or part.colors is not None
     return Contents([part], [Material(albedo=(1.0, 1.0, 1.0)) if white else Material()])
 

@@ -71,6 +71,40 @@ def read_beside(folder: Path, name: str, what: str, *, within: Path | None = Non
     return path.read_bytes()
 
 
+def found_beside(folder: Path, name: str, *, within: Path | None = None) -> Path | None:
+    """Return the file that a scene names, as far as it can be found; None if not.
+
+    A backslash is a slash, and case does not matter where no file is written alike. A path that is
+    absolute, that leaves `within` or that leads nowhere stands for a file of its base name in the
+    folder, or in `within`.
+
+    Args:
+        folder, name, within: as in `read_beside`.
+    """
+    within = folder if within is None else within
+    parts = [part for part in name.strip().replace("\\", "/").split("/") if part not in ("", ".")]
+    if not parts or "\0" in name:
+        return None
+    places = [(folder, parts), (folder, parts[-1:]), (within, parts[-1:])]
+    for start, way in places:
+        path: Path | None = start
+        for part in way:
+            path = None if path is None else path.parent if part == ".." else _entry(path, part)
+        if path is not None and path.resolve().is_relative_to(within.resolve()) and is_file(path):
+            return path
+    return None
+
+
+def _entry(folder: Path, name: str) -> Path | None:
+    """Return the entry of a folder of this name, or of one that differs in case alone."""
+    try:
+        names = [each.name for each in folder.iterdir()]
+    except OSError:
+        return None
+    same = name if name in names else next((each for each in sorted(names) if each.lower() == name.lower()), None)
+    return None if same is None else folder / same
+
+
 def is_file(path: Path) -> bool:
     """Return whether `path` is a file; False too for what no path can be."""
     try:
@@ -132,20 +166,52 @@ def rgba_of(image: Image.Image, what: str, *, most: int = MOST_TEXTURE_PIXELS) -
 
 
 class TextureSet:
-    """Textures in the order in which they were added, each only once."""
+    """Textures in the order in which they were added, each only once.
 
-    def __init__(self) -> None:
+    Args:
+        drawn: whether there are any; if not, materials have their factors alone.
+
+    Attributes:
+        notes: what was not found or not drawn, in words.
+    """
+
+    def __init__(self, *, drawn: bool = True) -> None:
         self.textures: list[NDArray[np.uint8]] = []
+        self.drawn = drawn
+        self.notes: list[str] = []
         self._index: dict[tuple[tuple[int, ...], bytes], int] = {}
         self._left = MOST_PIXELS_IN_ALL
+
+    def note(self, text: str) -> None:
+        """Keep a note, once."""
+        if text not in self.notes:
+            self.notes.append(text)
+
+    def read(self, folder: Path, name: str, what: str, *, within: Path | None = None) -> NDArray[np.uint8] | None:
+        """Return the image of a file that a scene names, see `found_beside`; None, and a note, if there is none.
+
+        Raises:
+            SceneError: as `decode`.
+        """
+        if not self.drawn:
+            return None
+        path = found_beside(folder, name, within=within)
+        if path is None:
+            self.note(f"{what} is {shown(name)}, which is not found: its material is drawn without")
+            return None
+        return self.decode(path.read_bytes(), f"{what} ({shown(name)})")
 
     def decode(self, data: bytes, what: str) -> NDArray[np.uint8]:
         """Return the image in `data`, as `decode_image`, which may be added then.
 
         Raises:
-            SceneError: as `decode_image`, or all images together are larger than a scene's may be.
+            SceneError: as `decode_image`, or all images together are larger than a scene's may be;
+                the message says how to do without.
         """
-        texture = decode_image(data, what, most=min(self._left, MOST_TEXTURE_PIXELS))
+        try:
+            texture = decode_image(data, what, most=min(self._left, MOST_TEXTURE_PIXELS))
+        except SceneError as error:
+            raise SceneError(f"{error}; load_scene(..., textures=False) or --no-textures draws the scene without") from None
         self._left -= texture.shape[0] * texture.shape[1]
         return texture
 

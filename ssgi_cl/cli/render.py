@@ -73,6 +73,7 @@ _AS_GIVEN = (
     "SCENE with .scene.json at its end, else SCENE's first camera, else one that shows "
     "the scene well.",
 )
+@click.option("--no-textures", is_flag=True, help="Draw materials with their factors alone.")
 @click.option("--ambient", type=float, help="Add a constant environment of this radiance, W m^-2 sr^-1.")
 @click.option(
     "--environment",
@@ -320,7 +321,7 @@ def _from_file(
         file = Path(options["camera"])
         if file.suffix.lower() == ".json" or file.is_file():
             camera = _camera_file(file, options)
-    scene = load_scene(path)
+    scene = load_scene(path, textures=not options.get("no_textures"))
     camera = camera or _camera_of(scene, path, options, runtime)
     lights = scene.lights or default_lights(scene, camera, runtime, emission=_whole(options))
     return scene, camera, lights, None

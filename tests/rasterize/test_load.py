@@ -116,11 +116,6 @@ def test_opacity_makes_a_material_cut_out(tmp_path: Path) -> None:
     assert not scene.is_seen_through, "a mask alone cuts out"
 
 
-def test_missing_texture_is_named(tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match=r"brick wall\.png"):
-        obj_with(tmp_path, "map_Kd brick wall.png")
-
-
 def test_concave_polygon_is_cut_without_folds(tmp_path: Path) -> None:
     outline = [(0, 0), (4, 0), (4, 4), (2, 1), (0, 4)]
     text = "".join(f"v {x} {y} 0\n" for x, y in outline) + "f 1 2 3 4 5\n"

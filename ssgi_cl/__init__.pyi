@@ -37,6 +37,8 @@ from .frame.result import Frame as Frame
 from .rasterize.raster.blended_layers import BlendedLayer as BlendedLayer
 from .rasterize.raster.blended_layers import BlendedLayers as BlendedLayers
 from .rasterize.raster.blended_layers import blended_layers as blended_layers
+from .rasterize.raster.default_camera import default_camera as default_camera
+from .rasterize.raster.default_camera import default_lights as default_lights
 from .rasterize.raster.shadow_map import shadow_maps as shadow_maps
 from .techniques.ao.bitmask_ao import BitmaskAo as BitmaskAo
 from .techniques.ao.bitmask_ao import BitmaskParams as BitmaskParams

@@ -31,6 +31,9 @@ LIGHT_IRRADIANCE = (8.0, 7.5, 6.8)
 ZENITH, HORIZON, GROUND = (0.75, 0.95, 1.25), (1.0, 1.05, 1.1), (0.45, 0.42, 0.38)
 """Radiance of the sky and of the ground below it, W m^-2 sr^-1."""
 
+DEFAULT_YFOV = math.radians(50.0)
+"""Vertical field of view in radians."""
+
 _ENCLOSED = 0.6
 """Share of all directions in which a room's inner sides are seen, at least. A cube without a lid
 has 5/6, the centre of a closed object 0 (it sees the back of its surface), a yard about 0.4."""
@@ -118,7 +121,9 @@ def _detail(seen: GBuffer) -> Vector:
     return np.minimum(change, 1.0)
 
 
-def default_camera(scene: Scene, width: int, height: int, yfov: float, runtime: Runtime) -> Camera:
+def default_camera(
+    scene: Scene, width: int = 800, height: int = 600, yfov: float = DEFAULT_YFOV, runtime: Runtime | None = None
+) -> Camera:
     """Return a camera that sees a scene well.
 
     A room, whose surfaces face its middle, is seen from within; one that lacks a wall, through
@@ -129,9 +134,10 @@ def default_camera(scene: Scene, width: int, height: int, yfov: float, runtime: 
     Args:
         scene: y is up.
         width, height: pixels.
-        yfov: vertical field of view in radians.
-        runtime: the device that looks round.
+        yfov: vertical field of view in radians; 50 degrees by default.
+        runtime: the device that looks round; by default the fastest found.
     """
+    runtime = runtime or Runtime.open()
     extent, subject = Extent.of(scene), Extent.of_subject(scene)
     middle = None
     if extent.diagonal < _ROOM * subject.diagonal:
@@ -301,16 +307,19 @@ def _view_score(look: _Look, way: Vector, xfov: float, yfov: float, diagonal: fl
     return float(np.log(distance / diagonal).mean()) + 6.0 * detail - 5.0 * close - back
 
 
-def default_lights(scene: Scene, camera: Camera, runtime: Runtime, *, emission: bool = False) -> tuple[Light, ...]:
+def default_lights(
+    scene: Scene, camera: Camera, runtime: Runtime | None = None, *, emission: bool = True
+) -> tuple[Light, ...]:
     """Return lights that suit a view: sun and sky, or a light and less sky in a closed room.
 
     Args:
         scene: y is up.
         camera: the view; the sun stands behind its left shoulder.
-        runtime: the device that looks round.
+        runtime: the device that looks round; by default the fastest found.
         emission: whether surfaces that emit light the scene: then a closed room that has some gets
             no lights besides.
     """
+    runtime = runtime or Runtime.open()
     extent = Extent.of(scene)
     lit = emission and any(max(m.emission) > 0.0 for m in scene.materials)
     forward, eye = -camera.view[2, :3], camera.position
@@ -365,7 +374,7 @@ def camera_from_json(path: Path, width: int | None, height: int | None) -> Camer
         ValueError: the file is missing, not JSON, or lacks a field; the message says which.
     """
     try:
-        fields = json.loads(path.read_text(encoding="utf-8"))
+        fields = json.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise ValueError(f"the camera file {path} cannot be read: {error.strerror}") from error
     except (ValueError, RecursionError) as error:

@@ -6,6 +6,7 @@ import json
 import math
 import re
 from contextlib import redirect_stdout
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,7 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.io import exr
 from ssgi_cl.io.console import (
     DEFAULT_FOV,
+    NearestChoice,
     checked_output,
     device_option,
     human_errors,
@@ -35,7 +37,7 @@ from ssgi_cl.io.console import (
     wrapped,
     yfov_of,
 )
-from ssgi_cl.io.exr_header import ExrHeader, read_header
+from ssgi_cl.io.exr_header import ExrHeader, read_headers
 from ssgi_cl.techniques.catalogue import CATALOGUE
 from ssgi_cl.techniques.technique import Technique
 
@@ -46,7 +48,7 @@ OFFERED = {name: each for name, each in CATALOGUE.items() if each.command}
 
 
 @click.command("apply")
-@click.argument("technique", type=click.Choice(sorted(OFFERED)))
+@click.argument("technique", type=NearestChoice(sorted(OFFERED)))
 @click.argument("source", metavar="IN.exr", required=False, type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="The result, .exr.")
 @click.option("--overwrite", is_flag=True, help="Let the output be IN.exr itself: the result is added to its channels.")
@@ -123,6 +125,7 @@ OFFERED = {name: each for name, each in CATALOGUE.items() if each.command}
     "default it is found by holding them to the depth.",
 )
 @click.option("--layer", metavar="NAME", help="Layer whose channels are read, such as ViewLayer; found by default.")
+@click.option("--part", metavar="NAME", help="Part of a file of several parts; all by default.")
 @device_option
 @json_option
 @human_errors
@@ -146,6 +149,7 @@ def apply_command(
     no_normals: bool,
     normal_space: str | None,
     layer: str | None,
+    part: str | None,
     device: str | None,
     as_json: bool,
 ) -> None:
@@ -184,10 +188,10 @@ def apply_command(
         step("opening the device")
         runtime = Runtime.open(device)
         step(f"reading {source}")
-        header = read_header(source)
+        header = read_headers(source)[0]
         camera = _apply_camera(header, fov, ortho, intrinsics)
         with redirect_stdout(StringIO()):  # OpenEXR prints warnings there; errors are raised too
-            arrays = exr.read_gbuffer(source, layer=layer)
+            arrays = exr.read_gbuffer(source, layer=layer, part=part)
         notes = list(arrays.pop("notes"))
         # What the technique does not read may hold anything.
         unused = tuple(name for name in ("albedo", "emission") if name not in chosen.reads)
@@ -208,7 +212,7 @@ def apply_command(
         if adds:
             exr.add(output, channels)
         else:
-            exr.write(output, channels, data=header.data, display=header.display)
+            exr.write(output, channels, like=source)
     report(as_json, runtime, passes, [output], {"width": camera.width, "height": camera.height, "notes": notes})
 
 
@@ -281,6 +285,9 @@ def _apply_camera(
     else:
         yfov = yfov_of({"fov": fov}, math.radians(DEFAULT_FOV))
         camera = Camera.look_at(eye, target, yfov=yfov, **size)
+    if header.pixel_aspect != 1.0 and intrinsics is None:
+        stretched = np.diag([1.0 / header.pixel_aspect, 1.0, 1.0, 1.0]) @ camera.projection
+        camera = replace(camera, projection=stretched)
     rows, columns = header.size
     return camera.cropped(header.data[0] - left, header.data[1] - top, columns, rows)
 

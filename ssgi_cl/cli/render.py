@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable
+from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +18,7 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.params import AO_DEFAULT, BOUNCES, DEFAULT_PRESET, PRESETS
 from ssgi_cl.frame.render import Frame, render
 from ssgi_cl.frame.skips import SKIPS
-from ssgi_cl.io import exr, png
+from ssgi_cl.io import png
 from ssgi_cl.io.console import (
     DEFAULT_FOV,
     VECTOR,
@@ -268,11 +269,15 @@ def _environment(text: str) -> Environment:
 
 def _check_file(path: Path, scenes: str) -> None:
     """Raise unless there is a file, or its name ends like a scene file's, which is read later."""
+    from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
+
     name = os.fspath(path)
     if path.is_dir():
         raise ValueError(f"scene is {name!r}: it is a folder; expected a file or {scenes}")
     if not path.exists() and path.suffix.lower() not in READERS:
-        raise ValueError(f"scene is {name!r}: there is no such file; expected one or {scenes}")
+        near = get_close_matches(name, BUILTIN_SCENES, 1)
+        guess = f"; did you mean {near[0]!r}?" if near else ""
+        raise ValueError(f"scene is {name!r}: there is no such file; expected one or {scenes}{guess}")
 
 
 def _size(options: dict[str, Any]) -> tuple[int, int]:
@@ -357,29 +362,18 @@ def _camera_file(path: Path, options: dict[str, Any]) -> Camera:
 def _write(frame: Frame, output: Path, *, views: bool) -> list[Path]:
     gbuffer = frame.gbuffer
     assert gbuffer is not None  # noqa: S101  it was asked for
-    arrays = {"image": frame.radiance}
-    if frame.ao is not None:
-        arrays["ao"] = frame.ao
-    if frame.indirect is not None:
-        arrays["indirect"] = frame.indirect
-    for name in ("depth", "normal", "albedo", "emission"):
-        array = gbuffer.first(name)
-        if array is not None:
-            arrays[name] = gbuffer.inner(array)
-    is_picture = output.suffix.lower() == ".png"
-    wanted: list[tuple[Path, Any]] = [(output, frame.image if is_picture else arrays)]
-    if is_picture and views:
-        wanted.append((output.with_suffix(".exr"), arrays))
+    written = [output]
+    if views and output.suffix.lower() == ".png":
+        written.append(output.with_suffix(".exr"))
+    for path in written:
+        frame.save(path)
     if views:
         pictures = gbuffer_views(gbuffer)
         if frame.ao is not None:
             pictures["ao"] = share_view(frame.ao)
         if frame.levels is not None:
             pictures["levels"] = levels_view(frame.levels)
-        wanted += [(output.with_suffix(f".{name}.png"), view) for name, view in pictures.items()]
-    for path, content in wanted:
-        if path.suffix.lower() == ".exr":
-            exr.write(path, content)
-        else:
-            png.write(path, content)
-    return [path for path, _ in wanted]
+        for name, view in pictures.items():
+            written.append(output.with_suffix(f".{name}.png"))
+            png.write(written[-1], view)
+    return written

@@ -24,7 +24,7 @@ MOST_SHIFT = 1e9
 """Half images by which a projection may be off-centre."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Camera(Immutable):
     """A pinhole or orthographic camera, given by two matrices.
 
@@ -70,6 +70,14 @@ class Camera(Immutable):
                 f"expected 0 < near < far (depth_range is {self.depth_range!r}; reversed-Z "
                 "needs '0..1')"
             )
+
+    def __repr__(self) -> str:
+        eye, ahead = (", ".join(f"{value:.4g}" for value in vector) for vector in (self.position, -self.view[2, :3]))
+        if self.is_orthographic:
+            field = f"orthographic, {2.0 / self.projection[1, 1]:.4g} high"
+        else:
+            field = f"{math.degrees(2.0 * math.atan(1.0 / self.projection[1, 1])):.1f} degrees high"
+        return f"Camera of {self.width} x {self.height} pixels at ({eye}), looking along ({ahead}), {field}"
 
     def _normalised_projection(self) -> NDArray[np.float64]:
         matrix: NDArray[np.float64] = checks.matrix4("projection", self.projection)

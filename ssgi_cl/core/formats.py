@@ -20,11 +20,15 @@ class Files(Protocol):
         *,
         size: tuple[int, int],
         layer: str | None,
+        part: str | None,
     ) -> dict[str, Any]:
         """Return the arrays of a G-buffer whose camera has `size` (rows, columns), and its notes."""
 
     def write(self, path: str | os.PathLike[str], arrays: Mapping[str, Any]) -> None:
         """Write arrays, whole or not at all."""
+
+    def write_picture(self, path: str | os.PathLike[str], image: Any) -> None:
+        """Write an image [rows, columns] or [rows, columns, 3] of uint8 or uint16 as PNG, whole or not at all."""
 
     def read_environment(self, path: str | os.PathLike[str]) -> Environment:
         """Return the environment of a latitude-longitude image."""

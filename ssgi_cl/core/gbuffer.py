@@ -45,7 +45,7 @@ _FLAT = ("gloss", "thickness")
 """Arrays of one channel and of the front layer alone."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class GBuffer:
     """The surfaces that a camera sees, pixel by pixel. Row 0 is on top; pixel centres lie at +0.5.
 
@@ -118,6 +118,19 @@ class GBuffer:
             value = getattr(self, name)
             if value is not None:
                 self._set(name, self._attribute(name, value, depth.shape, limits))
+
+    def __repr__(self) -> str:
+        depth = self.first("depth")
+        assert depth is not None  # noqa: S101  every G-buffer has one
+        there = depth[np.isfinite(depth)]
+        seen = f"depth {there.min():.3g} to {there.max():.3g}" if there.size else "nothing seen"
+        held = [name for name in _LIMITS if getattr(self, name) is not None]
+        lines = [
+            f"GBuffer of {self.size[0]} x {self.size[1]} pixels, margin {self.margin}, {self.layers} layer(s): {seen} on "
+            f"{there.size / depth.size:.0%}; {', '.join(held) or 'depth alone'}",
+            *self.notes,
+        ]
+        return "\n  ".join(lines)
 
     def _fill_nan(self) -> None:
         """Replace the arrays that hold NaN."""
@@ -266,6 +279,7 @@ class GBuffer:
         camera: Camera,
         channels: Mapping[str, str | tuple[str, ...]] | None = None,
         layer: str | None = None,
+        part: str | None = None,
         normal_space: str | None = None,
         nan: Literal["refuse", "hole"] = "refuse",
     ) -> Self:
@@ -280,6 +294,7 @@ class GBuffer:
                 given. `notes` says what was read, and what was not.
             layer: whose channels are read, such as "ViewLayer"; by default the one with a depth that has
                 the most of the four.
+            part: of a file of several parts, the one that is read; by default all.
             normal_space: as of `from_depth`. None finds out; where too few surfaces are smooth to tell,
                 normals are taken for those of the world.
             nan: as the attribute.
@@ -292,7 +307,7 @@ class GBuffer:
         """
         from ssgi_cl.core.depth_maps import world_normals  # needs this module
 
-        arrays: dict[str, Any] = files().read_gbuffer(path, channels, size=camera.size, layer=layer)
+        arrays: dict[str, Any] = files().read_gbuffer(path, channels, size=camera.size, layer=layer, part=part)
         if "normal" in arrays:
             try:
                 found = world_normals(arrays["normal"], arrays["depth"], camera, normal_space, known=True)

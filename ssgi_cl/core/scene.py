@@ -91,7 +91,11 @@ class Material:
         return any(self.emission)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+_MOST_NOTES = 6
+"""Of a scene, in its text."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Scene(Immutable):
     """Triangles in world space with what is needed to shade them.
 
@@ -127,6 +131,18 @@ class Scene(Immutable):
     lights: tuple[Light, ...] = ()
     cameras: Mapping[str, SceneCamera] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        low, high = (", ".join(f"{value:.4g}" for value in corner) for corner in self.bounds)
+        notes = [f"note: {note}" for note in self.notes[:_MOST_NOTES]]
+        if len(self.notes) > _MOST_NOTES:
+            notes.append(f"and {len(self.notes) - _MOST_NOTES} more notes")
+        head = (
+            f"Scene of {len(self.triangles):,} triangles, {len(self.positions):,} vertices, {len(self.materials)} "
+            f"materials, {len(self.textures)} textures, {len(self.lights)} lights, {len(self.cameras)} cameras, from "
+            f"({low}) to ({high})"
+        )
+        return "\n  ".join([head, *notes])
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import io
+import os
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.core.formats import files
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.device.timing import PassTime
 from ssgi_cl.frame.record import GraphRecord
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Frame:
     """A rendered picture and what it was made from.
 
@@ -53,3 +57,47 @@ class Frame:
         if self._radiance is None:
             raise ValueError("the frame has no radiance: expected 'radiance' among its outputs")
         return self._radiance
+
+    def arrays(self) -> dict[str, NDArray[np.float32]]:
+        """Return what there is of it by the names that files have: "image" (radiance), "ao", "indirect", and
+        "depth", "normal", "albedo" and "emission" of the G-buffer without its margin."""
+        found = {"image": self._radiance, "ao": self.ao, "indirect": self.indirect}
+        if self.gbuffer is not None:
+            for name in ("depth", "normal", "albedo", "emission"):
+                array = self.gbuffer.first(name)
+                found[name] = None if array is None else self.gbuffer.inner(array)
+        return {name: array for name, array in found.items() if array is not None}
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the picture as PNG, or `arrays` as OpenEXR, as the end of the name says; whole or not at all.
+
+        Raises:
+            ValueError: another end of the name, or the frame lacks what the file is to hold.
+            OSError: the file can't be written; the message names it.
+        """
+        end = Path(path).suffix.lower()
+        if end == ".png":
+            files().write_picture(path, self.image)
+        elif end == ".exr":
+            files().write(path, self.arrays())
+        else:
+            raise ValueError(f"path is {os.fspath(path)!r}: expected a name that ends in .png or .exr")
+
+    def __repr__(self) -> str:
+        held = ["image"] * (self._image is not None) + ["radiance"] * (self._radiance is not None)
+        held += [name for name in ("ao", "indirect", "gbuffer") if getattr(self, name) is not None]
+        ran = [each for each in self.passes if not each.skipped]
+        return (
+            f"Frame of {', '.join(held)}: {self.wall_ms:.1f} ms, {len(ran)} passes of "
+            f"{sum(each.ms for each in ran):.1f} ms, {len(self.passes) - len(ran)} skipped"
+        )
+
+    def _repr_png_(self) -> bytes | None:
+        """Return the picture for notebooks."""
+        if self._image is None:
+            return None
+        from PIL import Image
+
+        file = io.BytesIO()
+        Image.fromarray(self._image).save(file, format="PNG", compress_level=1)
+        return file.getvalue()

@@ -11,6 +11,7 @@ import sys
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from difflib import get_close_matches
 from functools import wraps
 from pathlib import Path
 from typing import Any
@@ -125,6 +126,17 @@ def wrapped(text: str, indent: str) -> str:
     return textwrap.fill(
         text, width, initial_indent=indent, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
     )
+
+
+class NearestChoice(click.Choice):  # type: ignore[type-arg]  # no generic before click 8.2
+    """One of some names; a misspelt one is answered with the nearest."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        near = get_close_matches(str(value), self.choices, 1)
+        if value not in self.choices and near:
+            listed = ", ".join(map(repr, self.choices))
+            self.fail(f"{value!r} is not one of {listed}; did you mean {near[0]!r}?", param, ctx)
+        return super().convert(value, param, ctx)
 
 
 def report(

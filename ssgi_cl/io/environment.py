@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.core.errors import AssumedWarning
 from ssgi_cl.core.lights import MOST_RADIANCE, Environment
 from ssgi_cl.io import exr, radiance_hdr
 from ssgi_cl.io.exr_header import read_header
@@ -17,6 +19,9 @@ Image = NDArray[np.float32]
 
 _LARGEST_SIDE = 131072
 """Texels."""
+
+RINGING = 1e-3
+"""How far below 0 a filter may put texels, as a share of the brightest."""
 
 
 def read_environment(path: str | os.PathLike[str]) -> Environment:
@@ -27,8 +32,10 @@ def read_environment(path: str | os.PathLike[str]) -> Environment:
 
     Raises:
         FileNotFoundError: there is no such file.
-        ValueError: of another kind, damaged or cut short; a texel is NaN, negative, infinite or
-            above 1e38; a side has more than 131072 texels; the message names the file.
+        ValueError: of another kind, damaged or cut short; a texel is NaN, negative by more than a
+            filter's ringing, or above 1e38; a side has more than 131072 texels; the message names the
+            file. A texel of half floats that overflowed counts as the largest that did not, one
+            that is a little below 0 as 0; both are warned of (`AssumedWarning`).
         OSError: the file cannot be read.
     """
     file = Path(path)
@@ -44,8 +51,28 @@ def read_environment(path: str | os.PathLike[str]) -> Environment:
             f"the environment {file} has {rows} x {columns} texels: expected at most "
             f"{_LARGEST_SIDE} along a side and {radiance_hdr.MOST_TEXELS} in all"
         )
+    image = _clamped(file, image)
     _check_texels(file, image)
     return Environment(image)
+
+
+def _clamped(file: Path, image: Image) -> Image:
+    """Return an image whose overflows and ringing are taken out, and warn of them."""
+    with np.errstate(invalid="ignore"):
+        finite = np.isfinite(image)
+        most = float(image[finite].max()) if finite.any() else 0.0
+        over, below = np.isposinf(image), (image < 0.0) & (image >= -RINGING * most)
+        usable = finite.any() and most <= MOST_RADIANCE
+    if not usable or not (over | below).any():
+        return image
+    parts = []
+    for wrong, text in ((over, f"infinite, and taken for {most:g}"), (below, "a little below 0, and taken for 0")):
+        if wrong.any():
+            row, column, _ = (int(i) for i in np.argwhere(wrong)[0])
+            parts.append(f"{int(wrong.any(axis=-1).sum())} texel(s), first in row {row}, column {column}, {text}")
+    text = f"the environment {file} has {' and '.join(parts)} (W m^-2 sr^-1)"
+    warnings.warn(text, AssumedWarning, stacklevel=4)
+    return np.where(over, np.float32(most), np.where(below, np.float32(0.0), image))
 
 
 def _check_texels(file: Path, image: Image) -> None:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core import atomic, checks
 from ssgi_cl.io.exr_channels import QUANTITIES, found_channels
-from ssgi_cl.io.exr_header import ExrHeader, Window, read_header
+from ssgi_cl.io.exr_header import ExrHeader, Window, read_headers
 
 BACKGROUND_DEPTH = 1e10
 """Depths from here on mean that nothing is there: Blender writes 1e10 for its background."""
@@ -30,6 +30,7 @@ def write(
     *,
     data: Window | None = None,
     display: Window | None = None,
+    like: str | os.PathLike[str] | None = None,
 ) -> None:
     """Write arrays as float32 channels of one OpenEXR file (ZIP, lossless), whole or not at all.
 
@@ -42,6 +43,7 @@ def write(
         data: (first column, first row, last column, last row) of the arrays' pixels, in pixels;
             by default the first are 0.
         display: likewise of the image; by default the same as `data`.
+        like: a file whose windows and other attributes are kept, in place of both.
 
     Raises:
         TypeError: an array is not of real numbers.
@@ -51,6 +53,11 @@ def write(
     """
     channels = _planes(arrays)
     rows, columns = next(iter(channels.values())).shape
+    if like is not None:
+        header = read_headers(Path(like))[0]
+        _check_size("the arrays", next(iter(channels.values())), header.size, f"the data window of {os.fspath(like)}")
+        _save(path, _kept(_attributes(os.fspath(like))), channels)
+        return
     data = (0, 0, columns - 1, rows - 1) if data is None else data
     if (data[3] - data[1] + 1, data[2] - data[0] + 1) != (rows, columns):
         raise ValueError(f"data is {data}: expected a window of {columns} columns and {rows} rows, as the arrays")
@@ -71,13 +78,30 @@ def add(path: str | os.PathLike[str], arrays: Mapping[str, ArrayLike]) -> None:
         FileNotFoundError, ValueError, OSError: as `read` and `write`.
         TypeError: as `write`.
     """
-    new, size = _planes(arrays), read_header(Path(path)).size
+    new, header_of = _planes(arrays), read_headers(Path(path))
+    if len(header_of) > 1:
+        raise ValueError(f"{os.fspath(path)} has {len(header_of)} parts: expected a file with one")
+    size = header_of[0].size
     for name, plane in new.items():
         _check_size(name, plane, size, "the file's data window")
     header, present = _decoded(os.fspath(path), size)
-    own = {"channels", "compression", "type", "tiles", "lineOrder", "chunkCount", "version"}
-    kept = {name: value for name, value in header.items() if name not in own}
-    _save(path, kept, {**present, **new})
+    _save(path, _kept(header), {**present, **new})
+
+
+def _attributes(name: str) -> dict[str, Any]:
+    """Return the attributes of the first part of a file."""
+    try:
+        with _utf8(name, os.O_RDONLY) as readable:
+            attributes: dict[str, Any] = OpenEXR.File(readable, header_only=True).header()
+    except (RuntimeError, ValueError) as error:
+        raise ValueError(f"{name} is damaged or cut short: its header can't be decoded") from error
+    return attributes
+
+
+def _kept(header: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the attributes of a file that another one of the same image has too."""
+    own = {"channels", "compression", "type", "tiles", "lineOrder", "chunkCount", "version", "name", "view"}
+    return {name: value for name, value in header.items() if name not in own}
 
 
 def _save(path: str | os.PathLike[str], header: dict[str, Any], channels: dict[str, Any]) -> None:
@@ -152,11 +176,12 @@ def read(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
     """Return the channels of an OpenEXR file by name.
 
     Args:
-        path: a file with one part of flat pixels (scan lines or tiles) without subsampling.
+        path: a file of flat pixels (scan lines or tiles) without subsampling. Channels of several parts have
+            the name of their part before them, such as "depth.Z"; parts are of one size.
 
     Returns:
         [rows, columns] of the data window each, row 0 on top: float32 for half and float, uint32
-        for integers. See `exr_header.read_header` for where the image (the display window) lies.
+        for integers. See `exr_header.read_headers` for where the image (the display window) lies.
 
     Raises:
         FileNotFoundError: there is no such file.
@@ -164,42 +189,63 @@ def read(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
         OSError: the file can't be read.
     """
     name = os.fspath(path)
-    header = read_header(Path(name))
-    return _chosen(name, header, {channel.name for channel in header.channels})
+    return _chosen(name, read_headers(Path(name)))
 
 
-def _chosen(name: str, header: ExrHeader, wanted: Set[str]) -> dict[str, NDArray[Any]]:
-    """Return some channels of a file, as `read`; the others may be of any kind."""
-    for channel in header.channels:
-        if channel.name in wanted and channel.sampling != (1, 1):
+def _chosen(name: str, headers: Sequence[ExrHeader], wanted: Set[str] | None = None) -> dict[str, NDArray[Any]]:
+    """Return channels of a file, as `read`: all, or those wanted; the others may be of any kind."""
+    chosen: list[dict[str, str]] = []
+    first: ExrHeader | None = None
+    for header in headers:
+        own = {short: whole for short, whole in header.names.items() if wanted is None or whole in wanted}
+        chosen.append(own)
+        first = first or (header if own else None)
+        if own and first is not None and (header.data, header.display) != (first.data, first.display):
             raise ValueError(
-                f"{name}: channel {channel.name!r} is subsampled {channel.sampling[0]} x "
-                f"{channel.sampling[1]}: expected one value for each pixel"
+                f"{name}: part {header.name!r} has the data window {header.data}, part {first.name!r} has {first.data}: "
+                "expected one"
             )
+        for channel in header.channels:
+            if channel.name in own and channel.sampling != (1, 1):
+                raise ValueError(
+                    f"{name}: channel {channel.name!r} is subsampled {channel.sampling[0]} x "
+                    f"{channel.sampling[1]}: expected one value for each pixel"
+                )
     arrays: dict[str, NDArray[Any]] = {}
-    for key, pixels in _decoded(name, header.size, wanted)[1].items():
+    for key, pixels in _decoded(name, (first or headers[0]).size, chosen)[1].items():
         kind = np.uint32 if pixels.dtype.kind == "u" else np.float32
         arrays[key] = np.ascontiguousarray(pixels, dtype=kind)
     return arrays
 
 
 def _decoded(
-    name: str, size: tuple[int, int], wanted: Set[str] | None = None
+    name: str, size: tuple[int, int], chosen: Sequence[Mapping[str, str]] | None = None
 ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Return the attributes of a file and its channels, all or some, of the size of the data window."""
+    """Return the attributes of a file's first part, and channels of the size of the data window.
+
+    Args:
+        name: of the file.
+        size: (rows, columns) of the data window.
+        chosen: for each part the channels to return, and their names in what is returned; by default
+            those of the first part.
+    """
     try:
         with _utf8(name, os.O_RDONLY) as readable:
             file = OpenEXR.File(readable, separate_channels=True)
-            header, channels = file.header(), file.channels()
+            header = file.header()
+            parts = [part.channels for part in file.parts] if chosen is not None else [file.channels()]
     except MemoryError as error:
         raise ValueError(f"{name}: {size[1]} x {size[0]} pixels need more memory than there is") from error
     except (RuntimeError, ValueError) as error:
         raise ValueError(f"{name} is damaged or cut short: its pixels can't be decoded") from error
-    channels = {key: each for key, each in channels.items() if wanted is None or key in wanted}
-    for key, channel in channels.items():
-        if channel.pixels is None or channel.pixels.shape != size:
-            raise ValueError(f"{name} is damaged: channel {key!r} is not {size[0]} x {size[1]}")
-    return header, {key: channel.pixels for key, channel in channels.items()}
+    arrays = {}
+    for channels, own in zip(parts, chosen or [{key: key for key in parts[0]}], strict=True):
+        for key, whole in own.items():
+            pixels = channels[key].pixels
+            if pixels is None or pixels.shape != size:
+                raise ValueError(f"{name} is damaged: channel {key!r} is not {size[0]} x {size[1]}")
+            arrays[whole] = pixels
+    return header, arrays
 
 
 def read_gbuffer(
@@ -208,6 +254,7 @@ def read_gbuffer(
     *,
     size: tuple[int, int] | None = None,
     layer: str | None = None,
+    part: str | None = None,
 ) -> dict[str, Any]:
     """Return the arrays of a G-buffer that an OpenEXR file holds.
 
@@ -220,6 +267,7 @@ def read_gbuffer(
             exceed equally on opposite sides (the margin), or that of the data window. By default
             any.
         layer: whose quantities are read; by default the one with a depth that has the most.
+        part: of a file of several parts, the one that is read; by default all.
 
     Returns:
         "depth" [rows, columns], and "normal", "albedo", "emission" [rows, columns, 3] as far as the
@@ -238,17 +286,21 @@ def read_gbuffer(
     unknown = sorted(set(wanted) - QUANTITIES.keys())
     if unknown:
         raise ValueError(f"channels names {unknown[0]!r}: expected 'depth', 'normal', 'albedo' or 'emission'")
-    header = read_header(Path(name))
-    names = [channel.name for channel in header.channels]
+    headers = [each for each in read_headers(Path(name)) if part is None or each.name == part]
+    if not headers:
+        parts = ", ".join(repr(each.name) for each in read_headers(Path(name)))
+        raise ValueError(f"{name} has no part {part!r}; it has {parts}")
+    names = [whole for header in headers for whole in header.names.values()]
     given = {key: _given(name, key, value, names) for key, value in wanted.items()}
     try:
         found = found_channels(names, layer, given)
     except ValueError as error:
         raise type(error)(f"{name}: {error}") from None
-    present = _chosen(name, header, {channel for part in found.channels.values() for channel in part})
+    all_parts = read_headers(Path(name))
+    present = _chosen(name, all_parts, {channel for each in found.channels.values() for channel in each})
     arrays: dict[str, Any] = {"notes": found.notes}
-    for key, part in found.channels.items():
-        planes = [present[channel].astype(np.float32, copy=False) for channel in part]
+    for key, own in found.channels.items():
+        planes = [present[channel].astype(np.float32, copy=False) for channel in own]
         arrays[key] = planes[0] if key == "depth" else np.stack(planes, axis=-1)
     depth = arrays["depth"].copy()
     depth[depth >= BACKGROUND_DEPTH] = np.inf
@@ -258,7 +310,7 @@ def read_gbuffer(
 
 def _check_regions(name: str, size: tuple[int, int]) -> None:
     """Raise ValueError unless the windows of a file are those of a camera of this size."""
-    header = read_header(Path(name))
+    header = read_headers(Path(name))[0]
     data, display = (np.reshape(window, (2, 2)) for window in (header.data, header.display))
     before, after = display[0] - data[0], data[1] - display[1]
     if size != header.size and ((before != after).any() or (before < 0).any()):

@@ -20,6 +20,7 @@ Window = tuple[int, int, int, int]
 _MAGIC = b"\x76\x2f\x31\x01"
 _DEEP, _PARTS = 0x800, 0x1000
 _LONGEST_NAME = 255
+_MOST_PARTS = 1000
 _LARGEST_SIDE = 1 << 24
 _FREE_BYTES = 256 << 20
 _MOST_RATIO = 2000
@@ -42,18 +43,40 @@ class Channel:
 
 @dataclass(frozen=True)
 class ExrHeader:
-    """The header of a file with one part of flat pixels.
+    """The header of a part of flat pixels.
 
     Attributes:
+        name: of the part; "" in a file of one part.
+        view: such as "left", of a stereo image; "" without.
         data, display: the windows of the pixels in the file and of the image.
         channels: all of them.
         compression: its name.
+        pixel_aspect: width of a pixel in the picture over its height.
     """
 
+    name: str
+    view: str
     data: Window
     display: Window
     channels: tuple[Channel, ...]
     compression: str
+    pixel_aspect: float
+
+    @property
+    def names(self) -> dict[str, str]:
+        """Name of each channel in the file by the name that it has in this part.
+
+        Files of several parts name layers by parts: "Z" in the part "depth" is "depth.Z".
+        """
+        found = {}
+        for channel in self.channels:
+            whole = channel.name
+            if self.name and "." not in whole and self.name.lower() not in ("rgba", "rgb", "beauty", "main"):
+                whole = f"{self.name}.{whole}"
+            if self.view and not whole.startswith(f"{self.view}."):
+                whole = f"{self.view}.{whole}"
+            found[channel.name] = whole
+        return found
 
     @property
     def size(self) -> tuple[int, int]:
@@ -63,12 +86,24 @@ class ExrHeader:
 
 
 def read_header(path: Path) -> ExrHeader:
-    """Return the header of a file that is long enough for what the header claims.
+    """Return the header of a file of one part.
+
+    Raises:
+        FileNotFoundError, OSError, ValueError: as `read_headers`, or the file has several parts.
+    """
+    first, *others = read_headers(path)
+    if others:
+        raise ValueError(f"{path} has {1 + len(others)} parts: expected a file with one")
+    return first
+
+
+def read_headers(path: Path) -> tuple[ExrHeader, ...]:
+    """Return the headers of all parts of a file that is long enough for what they claim.
 
     Raises:
         FileNotFoundError, OSError: there is no such file, or it can't be read.
-        ValueError: not an OpenEXR file, damaged, cut short, in several parts, deep, of an unknown
-            compression, or it claims far more pixels than can be packed into its length.
+        ValueError: not an OpenEXR file, damaged, cut short, deep, of an unknown compression, or it
+            claims far more pixels than can be packed into its length.
     """
     with open(path, "rb") as file:  # says precisely why a file can't be opened
         if file.read(4) != _MAGIC:
@@ -80,18 +115,23 @@ def read_header(path: Path) -> ExrHeader:
                 raise ValueError(f"{path} is damaged or cut short: its header can't be read") from error
 
 
-def _parsed(head: mmap.mmap, length: int, path: Path) -> ExrHeader:
+def _parsed(head: mmap.mmap, length: int, path: Path) -> tuple[ExrHeader, ...]:
     (version,) = struct.unpack_from("<I", head, 4)
     attributes, place = _attributes(head, 8, path)
+    parts = [attributes]
     if version & _PARTS:
-        parts = 1
         while head[place]:
-            _, place = _attributes(head, place, path)
-            parts += 1
-        if parts > 1:
-            raise ValueError(f"{path} has {parts} parts: expected a file with one")
+            attributes, place = _attributes(head, place, path)
+            parts.append(attributes)
+            if len(parts) > _MOST_PARTS:
+                raise ValueError(f"{path} is damaged: it has more than {_MOST_PARTS} parts")
+    return tuple(_header(each, bool(version & _DEEP), length - place, path, several=len(parts) > 1) for each in parts)
+
+
+def _header(attributes: dict[str, bytes], deep: bool, left: int, path: Path, *, several: bool) -> ExrHeader:
+    """Return the header of a part, whose data lies in `left` bytes."""
     kind = attributes.get("type", b"").rstrip(b"\0").decode("ascii", "replace")
-    if version & _DEEP or kind not in ("", "scanlineimage", "tiledimage"):
+    if (deep and not several) or kind not in ("", "scanlineimage", "tiledimage"):
         raise ValueError(f"{path} holds {shown(kind or 'deep pixels')}: expected flat pixels")
     compression = attributes["compression"][0]
     if compression >= len(_COMPRESSIONS):
@@ -99,15 +139,19 @@ def _parsed(head: mmap.mmap, length: int, path: Path) -> ExrHeader:
             f"{path} has the compression number {compression}: expected one of "
             f"{', '.join(name for name, _ in _COMPRESSIONS)} (0 to {len(_COMPRESSIONS) - 1})"
         )
+    name, view = (attributes.get(key, b"").decode("utf-8", "replace") for key in ("name", "view"))
     header = ExrHeader(
+        name=name if several else "",
+        view=view if several else "",
         data=_window(attributes["dataWindow"], path),
         display=_window(attributes["displayWindow"], path),
         channels=_channels(attributes["channels"], path),
         compression=_COMPRESSIONS[compression][0],
+        pixel_aspect=_aspect(attributes.get("pixelAspectRatio"), path),
     )
     tiled = "tiles" in attributes and kind != "scanlineimage"
     tile = struct.unpack_from("<2I", attributes["tiles"]) if tiled else None
-    _check_size(header, tile, _COMPRESSIONS[compression][1], length - place, path)
+    _check_size(header, tile, _COMPRESSIONS[compression][1], left, path)
     return header
 
 
@@ -140,6 +184,14 @@ def _window(value: bytes, path: Path) -> Window:
             f"{path} is damaged: its window runs from column {left} to {right}, from row {top} to {bottom}"
         )
     return left, top, right, bottom
+
+
+def _aspect(value: bytes | None, path: Path) -> float:
+    """Return the pixel aspect ratio of a header; 1 without."""
+    (aspect,) = (1.0,) if value is None else struct.unpack("<f", value)
+    if not 1e-3 <= aspect <= 1e3:
+        raise ValueError(f"{path} has the pixel aspect ratio {aspect:g}: expected a number from .001 to 1000")
+    return float(aspect)
 
 
 def _channels(value: bytes, path: Path) -> tuple[Channel, ...]:

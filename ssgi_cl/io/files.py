@@ -2,5 +2,6 @@
 
 from ssgi_cl.io.environment import read_environment
 from ssgi_cl.io.exr import read_gbuffer, write
+from ssgi_cl.io.png import write as write_picture
 
-__all__ = ["read_environment", "read_gbuffer", "write"]
+__all__ = ["read_environment", "read_gbuffer", "write", "write_picture"]

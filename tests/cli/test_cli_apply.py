@@ -310,3 +310,30 @@ def test_small_work_groups_are_refused_with_the_variable(depth_file: Path, tmp_p
     assert "work-groups of at most 8 work-items: expected 64 or more" in done.stderr
     assert "POCL_MAX_WORK_GROUP_SIZE" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_pixels_that_are_not_square_are_wider_in_the_picture(depth_file: Path, runtime: Runtime) -> None:
+    depth = exr.read(depth_file)["Z"]
+    OpenEXR.File({"pixelAspectRatio": 2.0}, {"Z": depth}).write(str(depth_file))
+    focal = 0.5 * SHAPE[0] / np.tan(np.radians(25.0))
+    camera = Camera.from_intrinsics(0.5 * focal, focal, 32.0, 24.0, width=SHAPE[1], height=SHAPE[0])
+    expected = ssao(GBuffer(camera=camera, depth=depth), 0.3, runtime=runtime)
+    np.testing.assert_allclose(applied(depth_file, "--set", "radius=0.3"), expected, atol=1e-6)
+    assert OpenEXR.File(str(depth_file.with_name("ao.exr"))).header()["pixelAspectRatio"] == 2.0
+
+
+@pytest.mark.parametrize("number", [".3", "+0.3", "3e-1"])
+def test_numbers_may_be_written_as_people_do(depth_file: Path, number: str) -> None:
+    plain = applied(depth_file, "--set", "radius=0.3")
+    np.testing.assert_array_equal(applied(depth_file, "--set", f"radius={number}"), plain)
+
+
+def test_what_was_read_is_said(depth_file: Path) -> None:
+    output = depth_file.with_name("ao.exr")
+    assert answer("apply", "gtao", depth_file, "-o", output)["notes"] == ["depth is read from Z"]
+    assert "depth is read from Z" in succeeds("apply", "gtao", depth_file, "-o", output).output
+
+
+def test_a_misspelt_technique_names_the_nearest(depth_file: Path, tmp_path: Path) -> None:
+    message = fails(tmp_path, "apply", "gtoa", depth_file, "-o", tmp_path / "ao.exr")
+    assert message.endswith("; did you mean 'gtao'?")

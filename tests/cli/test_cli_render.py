@@ -288,3 +288,7 @@ def test_a_failing_process_says_so_on_standard_error_alone(tmp_path: Path) -> No
     assert done.stdout == ""
     assert done.stderr == "Error: nothing.obj: there is no such file\n"
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_misspelt_scene_names_the_nearest(tmp_path: Path) -> None:
+    assert fails(tmp_path, "render", "halll", "-o", tmp_path / "a.png").endswith("; did you mean 'hall'?")

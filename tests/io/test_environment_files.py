@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 import ssgi_cl as gi
 from ssgi_cl.cli.command import main
+from ssgi_cl.core.errors import AssumedWarning
 from ssgi_cl.io import exr, radiance_hdr
 
 Texels = NDArray[np.uint8]
@@ -183,7 +184,19 @@ def test_openexr_of_any_size_is_read(tmp_path: Path, size: tuple[int, int]) -> N
     np.testing.assert_array_equal(gi.Environment.load(tmp_path / "grey.exr").radiance, image[..., :1].repeat(3, -1))
 
 
-@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, -0.5, 2e38])
+@pytest.mark.parametrize(("value", "taken"), [(np.inf, 60000.0), (-0.01, 0.0)])
+def test_overflow_and_ringing_are_clamped_and_said(tmp_path: Path, value: float, taken: float) -> None:
+    image = np.ones((4, 5, 3), np.float32)
+    image[0, 0] = 60000.0  # near the largest half
+    image[2, 3, 1] = image[3, 0] = value
+    exr.write(tmp_path / "a.exr", {"image": image})
+    with pytest.warns(AssumedWarning, match=rf"a\.exr has 2 texel\(s\), first in row 2, column 3, .* {taken:g} \(W"):
+        found = gi.Environment.load(tmp_path / "a.exr").radiance
+    image[2, 3, 1] = image[3, 0] = taken
+    np.testing.assert_array_equal(found, image)
+
+
+@pytest.mark.parametrize("value", [np.nan, -np.inf, -0.5, 2e38])
 def test_texels_that_are_no_radiance_are_named(tmp_path: Path, value: float) -> None:
     image = np.ones((4, 5, 3), np.float32)
     image[2, 3, 1] = image[3, 0] = value

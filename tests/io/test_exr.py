@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.io import exr
-from ssgi_cl.io.exr_header import read_header
+from ssgi_cl.io.exr_header import read_header, read_headers
 
 Arrays = dict[str, NDArray[np.float32]]
 
@@ -169,12 +169,53 @@ def test_a_file_cut_short_is_refused(damaged: Path, part: float) -> None:
         exr.read(damaged)
 
 
-def test_a_file_with_several_parts_is_refused(tmp_path: Path) -> None:
-    plane = np.ones((3, 4), np.float32)
-    parts = [OpenEXR.Part({"name": name}, {"Z": plane}) for name in ("left", "right")]
-    OpenEXR.File(parts).write(str(tmp_path / "a.exr"))
+def in_parts(path: Path, **parts: Arrays) -> None:
+    OpenEXR.File([OpenEXR.Part({"name": name}, channels) for name, channels in parts.items()]).write(str(path))
+
+
+def test_channels_of_parts_have_their_names(tmp_path: Path) -> None:
+    path, plane = tmp_path / "a.exr", np.ones((3, 4), np.float32)
+    in_parts(path, left={"Z": plane}, right={"Z": 2 * plane})
+    found = exr.read(path)
+    np.testing.assert_array_equal(found["right.Z"], 2 * plane)
+    with pytest.raises(ValueError, match="layers 'left', 'right' have a depth each"):
+        exr.read_gbuffer(path)
+    np.testing.assert_array_equal(exr.read_gbuffer(path, part="right")["depth"], 2 * plane)
+    with pytest.raises(ValueError, match="has no part 'middle'; it has 'left', 'right'"):
+        exr.read_gbuffer(path, part="middle")
     with pytest.raises(ValueError, match="has 2 parts: expected a file with one"):
-        exr.read(tmp_path / "a.exr")
+        exr.add(path, {"ao": plane})
+
+
+def test_a_gbuffer_lies_in_several_parts(tmp_path: Path) -> None:
+    path, plane = tmp_path / "a.exr", np.ones((3, 4), np.float32)
+    small = np.ones((2, 2), np.float32)
+    in_parts(
+        path,
+        rgba={c: plane for c in "RGB"},
+        depth={"Z": 3 * plane},
+        normals={c: (i + 4) * plane for i, c in enumerate("XYZ")},
+        matte={"id": small},  # of another size, and not read
+    )
+    found = exr.read_gbuffer(path)
+    np.testing.assert_array_equal(found["depth"], 3 * plane)
+    np.testing.assert_array_equal(found["normal"][0, 0], [4, 5, 6])
+    with pytest.raises(ValueError, match="part 'matte' has the data window .* expected one"):
+        exr.read(path)
+
+
+def test_windows_and_attributes_of_another_file_are_kept(tmp_path: Path) -> None:
+    plane, data = np.ones((4, 6), np.float32), (np.array([2, 3], np.int32), np.array([7, 6], np.int32))
+    header = {"dataWindow": data, "pixelAspectRatio": 2.0, "camera": "left eye"}
+    OpenEXR.File(header, {"Z": plane}).write(str(tmp_path / "a.exr"))
+    assert read_headers(tmp_path / "a.exr")[0].pixel_aspect == 2.0
+    exr.write(tmp_path / "b.exr", {"ao": plane}, like=tmp_path / "a.exr")
+    kept = OpenEXR.File(str(tmp_path / "b.exr")).header()
+    assert (kept["pixelAspectRatio"], kept["camera"]) == (2.0, "left eye")
+    assert read_header(tmp_path / "b.exr").data == (2, 3, 7, 6)
+    assert list(exr.read(tmp_path / "b.exr")) == ["ao"]
+    with pytest.raises(ValueError, match=r"the arrays has 2 rows and 2 columns: expected 4 x 6 as the data window"):
+        exr.write(tmp_path / "b.exr", {"ao": np.ones((2, 2))}, like=tmp_path / "a.exr")
 
 
 def put_window(path: Path, name: str, window: Sequence[int]) -> None:

@@ -77,6 +77,9 @@ from .techniques.radiosity.radiosity import radiosity as radiosity
 from .techniques.reflections.reflections import Reflections as Reflections
 from .techniques.reflections.reflections import ReflectionsParams as ReflectionsParams
 from .techniques.reflections.reflections import reflections as reflections
+from .techniques.relight import normals_from_depth as normals_from_depth
+from .techniques.relight import relight as relight
+from .techniques.relight import shade_depth as shade_depth
 from .techniques.rsm.rsm_gather import RsmGather as RsmGather
 from .techniques.rsm.rsm_gather import RsmGatherParams as RsmGatherParams
 from .techniques.rsm.rsm_gather import rsm_gather as rsm_gather

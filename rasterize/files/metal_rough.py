@@ -23,7 +23,8 @@ class Lobe:
     """Reflection of a surface.
 
     Attributes:
-        matt: what the base colour is times to be the albedo: 1 less the metal.
+        matt: what the base colour is times to be the albedo: 1 less the metal, and less what the lobe
+            takes of a bright colour.
         specular: reflectance of the Phong lobe.
         gloss: its exponent.
     """
@@ -52,11 +53,13 @@ def metal_rough_lobe(base: NDArray[np.float64], metal: float, roughness: float) 
 def rough_lobe(
     reflectance: NDArray[np.float64], albedo: NDArray[np.float64], roughness: float, *, matt: float = 1.0
 ) -> Lobe:
-    """Return a lobe of reflectance and roughness, which has what the albedo leaves."""
+    """Return a lobe of reflectance and roughness; the albedo has what it leaves, in the least channel."""
     alpha = min(max(roughness, 1e-2), 1.0) ** 2
     gloss = min(2.0 / alpha**2 - 2.0, MOST_GLOSS)
     if gloss < LEAST_GLOSS:
         return Lobe()
-    left = np.clip(reflectance, 0.0, 1.0 - np.clip(albedo, 0.0, 1.0))
-    red, green, blue = left.tolist()
-    return Lobe(matt=matt, specular=(red, green, blue), gloss=gloss)
+    specular = np.clip(reflectance, 0.0, 1.0)
+    left, wanted = 1.0 - specular, np.clip(albedo, 0.0, 1.0)
+    share = float(np.divide(left, wanted, where=wanted > left, out=np.ones(3)).min())
+    red, green, blue = specular.tolist()
+    return Lobe(matt=matt * share, specular=(red, green, blue), gloss=gloss)

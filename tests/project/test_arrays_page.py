@@ -53,6 +53,14 @@ def relative(folder: Path) -> dict[str, Any]:
     return {"predicted": (1.0 / DEPTH - 0.1) / 0.4}
 
 
+def relief(folder: Path) -> dict[str, Any]:
+    return {"predicted": DEPTH}
+
+
+def relight(folder: Path) -> dict[str, Any]:
+    return {"predicted": DEPTH, "photograph": np.full((*SIZE, 3), 90, np.uint8)}
+
+
 def batch(folder: Path) -> dict[str, Any]:
     return {"depths": np.stack([DEPTH] * 2)}
 
@@ -143,6 +151,17 @@ def test_batches_have_images_first(
         np.testing.assert_array_equal(gbuffer.depth, DEPTH)
 
 
+@pytest.mark.parametrize("made", [relief, relight], ids=lambda f: f.__name__)
+def test_a_picture_shows_the_box(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, made: Callable[[Path], dict[str, Any]]
+) -> None:
+    picture = run(monkeypatch, tmp_path, made)["picture"]
+    assert (picture.shape, picture.dtype) == ((*SIZE, 3), np.uint8)
+    box = DEPTH == 2.0
+    # The box faces the viewer, the floor is tilted by 27 degrees: another light.
+    assert abs(float(picture[box].mean()) - float(picture[~box].mean())) > 5.0
+
+
 def test_sky_view_of_a_cliff_is_the_closed_form(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     found = run(monkeypatch, tmp_path, elevation)["sky_view"]
     # Of a horizontal receiver before an endless wall with its upper edge at the angle h: (1 + cos h) / 2.
@@ -163,4 +182,6 @@ def test_every_block_of_the_page_is_run() -> None:
         "scannet",
         "replica",
         "elevation",
+        "relief",
+        "relight",
     }

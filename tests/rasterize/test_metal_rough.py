@@ -26,10 +26,11 @@ def test_a_metal_mirrors_its_colour_and_is_black_otherwise() -> None:
     assert lobe.gloss == pytest.approx(30.0)
 
 
-def test_what_is_no_metal_mirrors_4_percent_of_what_its_albedo_leaves() -> None:
-    lobe = metal_rough_lobe(np.array((0.99, 0.5, 0.0)), 0.0, 0.5)
-    assert lobe.matt == 1.0
-    assert lobe.specular == pytest.approx((0.01, 0.04, 0.04))
+@pytest.mark.parametrize(("base", "matt"), [((1.0, 1.0, 1.0), 0.96), ((0.0, 0.0, 1.0), 0.96), ((0.9, 0.5, 0.0), 1.0)])
+def test_what_is_no_metal_mirrors_4_percent_and_its_albedo_has_the_rest(base: Any, matt: float) -> None:
+    lobe = metal_rough_lobe(np.array(base), 0.0, 0.5)
+    assert lobe.specular == pytest.approx((0.04, 0.04, 0.04))
+    assert lobe.matt == pytest.approx(matt)
 
 
 def test_rough_surfaces_are_matt() -> None:

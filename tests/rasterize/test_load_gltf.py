@@ -91,11 +91,12 @@ def test_gltf_roughness_and_metal_give_the_lobe(
 
 def test_gltf_specular_and_glossiness_give_the_lobe(tmp_path: Path) -> None:
     made = Gltf()
-    glossy = {"diffuseFactor": [0.5, 0.2, 0.1, 1.0], "specularFactor": [0.3, 0.4, 1.0], "glossinessFactor": 0.5}
+    glossy = {"diffuseFactor": [0.5, 0.2, 0.1, 1.0], "specularFactor": [0.8, 0.4, 1.0], "glossinessFactor": 0.5}
     extension = {"KHR_materials_pbrSpecularGlossiness": glossy}
     material = only_material(tmp_path, made, made.material(extensions=extension))
-    assert material.specular == pytest.approx((0.3, 0.4, 0.9))
+    assert material.specular == pytest.approx((0.8, 0.4, 1.0))
     assert material.gloss == pytest.approx(30.0)
+    assert material.albedo == (0.0, 0.0, 0.0)  # what the brightest channel of the lobe leaves
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import Floats, GBuffer
 from ssgi_cl.core.keywords import checked_keywords
 from ssgi_cl.core.scene import Scene
+from ssgi_cl.core.scene_parts import without_holes
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime, serialised
@@ -40,6 +41,7 @@ def device_scene(scene: Scene, runtime: Runtime) -> DeviceScene:
     It goes with the scene.
     """
     _check_scene(scene)
+    scene = without_holes(scene)
     kept: DeviceScene = runtime.prepared((DeviceScene, scene.key), lambda: DeviceScene(runtime, scene), of=scene)
     return kept
 
@@ -89,7 +91,7 @@ def gbuffer(
     if backend == "pyrender":
         from ssgi_cl.rasterize.raster import opengl
 
-        arrays = opengl.gbuffer_arrays(scene, camera.with_margin(margin), layers)
+        arrays = opengl.gbuffer_arrays(without_holes(scene), camera.with_margin(margin), layers)
         arrays |= {name: arrays[name][:shaded] for name in ("normal", "albedo", "emission")}
         if not arrays["emission"].any():
             del arrays["emission"]

@@ -68,6 +68,11 @@ class Material:
         return self.texture >= 0 and self.alpha_cutoff > 0.0
 
     @property
+    def is_hole(self) -> bool:
+        """Whether all of it is cut out: it has no texture, and its alpha is below the cutoff."""
+        return self.texture < 0 and self.alpha < self.alpha_cutoff
+
+    @property
     def is_glossy(self) -> bool:
         """Whether it has a lobe."""
         return any(self.specular)

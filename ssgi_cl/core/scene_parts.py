@@ -37,6 +37,20 @@ class SceneParts:
 _KEPT: WeakKeyDictionary[Scene, SceneParts] = WeakKeyDictionary()
 
 
+_WHOLE: WeakKeyDictionary[Scene, Scene] = WeakKeyDictionary()
+
+
+def without_holes(scene: Scene) -> Scene:
+    """Return the scene without surfaces all of which is cut out, such as glass of an opacity below one half
+    where nothing is seen through; the same object for the same scene."""
+    there = np.array([not material.is_hole for material in scene.materials])
+    if there.all():
+        return scene
+    if scene not in _WHOLE:
+        _WHOLE[scene] = _chosen(scene, there[scene.material_ids], scene.materials)
+    return _WHOLE[scene]
+
+
 def scene_parts(scene: Scene) -> SceneParts:
     """Return the parts of a scene; the same objects for the same scene."""
     if not scene.is_seen_through:

@@ -19,6 +19,7 @@ from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.errors import MissingExtraError
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light, SpotLight
 from ssgi_cl.core.scene import Material, Scene
+from ssgi_cl.core.scene_parts import without_holes
 from ssgi_cl.rasterize.files.textures import srgb_to_linear
 from ssgi_cl.techniques.direct.light_data import power
 from ssgi_cl.truth.emitters import Emitters
@@ -114,6 +115,7 @@ class MitsubaScene:
                 the attributes `BLENDS` and `TRANSMISSION` of shapes; "surfaces" makes one mask of
                 both, without colour, for Mitsuba's own integrators.
         """
+        scene = without_holes(scene) if through == "none" else scene
         blends = through != "none" and scene.is_seen_through
         emitters = Emitters.of(scene) if emission == "attributes" else None
         with within(variant) as mi:

@@ -15,6 +15,7 @@ from ssgi_cl.core.camera_rays import depths_in_sphere, visibility_rays
 from ssgi_cl.core.errors import MissingExtraError
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.scene import Scene
+from ssgi_cl.core.scene_parts import without_holes
 from ssgi_cl.truth.metrics import inner_array
 
 Doubles = NDArray[np.float64]
@@ -62,6 +63,7 @@ class RayCaster:
     def __init__(self, scene: Scene) -> None:
         if not isinstance(scene, Scene):
             raise TypeError(f"scene is {type(scene).__name__}: expected a Scene (see ssgi_cl.rasterize.load_scene)")
+        scene = without_holes(scene)
         rtcore_scene, mesh_construction = _embree()
         used = scene.positions[scene.triangles.ravel()].astype(np.float64)
         low, high = used.min(axis=0), used.max(axis=0)

@@ -116,6 +116,13 @@ OFFERED = {name: each for name, each in CATALOGUE.items() if each.command}
     show_default=True,
     help="What NaN in the file means: 'hole' takes a NaN depth for nothing there and other NaN for 0.",
 )
+@click.option(
+    "--invalid",
+    multiple=True,
+    type=float,
+    metavar="DEPTH",
+    help="A depth that means that nothing is there, such as 0; several times.",
+)
 @click.option("--no-normals", is_flag=True, help="Ignore normals in the file; those of the depth are used.")
 @click.option(
     "--normals",
@@ -146,6 +153,7 @@ def apply_command(
     sun: tuple[float, ...] | None,
     lit: bool,
     nan: str,
+    invalid: tuple[float, ...],
     no_normals: bool,
     normal_space: str | None,
     layer: str | None,
@@ -193,6 +201,8 @@ def apply_command(
         with redirect_stdout(StringIO()):  # OpenEXR prints warnings there; errors are raised too
             arrays = exr.read_gbuffer(source, layer=layer, part=part)
         notes = list(arrays.pop("notes"))
+        for number in invalid:
+            arrays["depth"][arrays["depth"] == np.float32(number)] = np.inf
         # What the technique does not read may hold anything.
         unused = tuple(name for name in ("albedo", "emission") if name not in chosen.reads)
         for name in (*unused, "normal") if no_normals else unused:

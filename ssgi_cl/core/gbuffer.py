@@ -103,7 +103,7 @@ class GBuffer:
         object.__setattr__(self, "array_kind", array_kind(self.depth))
         if checks.choice("nan", self.nan, NAN) == "hole":
             self._fill_nan()
-        depth = _layered("depth", _limited(self.depth), 0, unit="scene units", low=0.0, above=True, infinite=True)
+        depth = _depths(self.depth)
         _in_order(depth)
         self._set("depth", depth)
         margin = np.subtract(depth.shape[-2:], self.camera.size)
@@ -390,6 +390,19 @@ def _layered(name: str, value: ArrayLike, channels: int, **limits: Unpack[checks
         checks.values_in_range(name, array, **limits)
         return array
     return checks.plane(name, array, channels=channels, **limits)
+
+
+def _depths(value: ArrayLike) -> Floats:
+    """Return depths, checked."""
+    try:
+        return _layered("depth", _limited(value), 0, unit="scene units", low=0.0, above=True, infinite=True)
+    except ValueError as error:
+        if "expected numbers > 0" not in str(error):
+            raise
+        raise ValueError(
+            f"{error}; where it stands for no surface, GBuffer.from_depth(invalid=...), nan='hole', or --invalid and "
+            "--nan hole of `ssgi apply`, take it for that"
+        ) from None
 
 
 def _in_order(depth: Floats) -> None:

@@ -337,3 +337,16 @@ def test_what_was_read_is_said(depth_file: Path) -> None:
 def test_a_misspelt_technique_names_the_nearest(depth_file: Path, tmp_path: Path) -> None:
     message = fails(tmp_path, "apply", "gtoa", depth_file, "-o", tmp_path / "ao.exr")
     assert message.endswith("; did you mean 'gtao'?")
+
+
+def test_a_depth_may_stand_for_nothing(depth_file: Path, tmp_path: Path) -> None:
+    depth = exr.read(depth_file)["Z"].copy()
+    depth[20:23, 30] = np.inf
+    exr.write(depth_file, {"depth": depth})
+    expected = applied(depth_file)
+    depth[20:22, 30], depth[22, 30] = 0.0, -1.0
+    exr.write(depth_file, {"depth": depth})
+    message = fails(tmp_path, "apply", "ssao", depth_file, "-o", tmp_path / "no.exr")
+    assert "depth[20, 30] is 0.0: expected numbers > 0" in message
+    assert "--invalid" in message
+    np.testing.assert_array_equal(applied(depth_file, "--invalid", "0", "--invalid", "-1"), expected)

@@ -13,6 +13,7 @@ import pytest
 from PIL import Image
 
 import ssgi_cl as gi
+from ssgi_cl.io import exr as files
 
 PAGE = Path(__file__).parents[2] / "docs" / "arrays.md"
 BLOCKS = dict(re.findall(r"```python (\w+)\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL))
@@ -93,6 +94,14 @@ def replica(folder: Path) -> dict[str, Any]:
     return {}
 
 
+def exr(folder: Path) -> dict[str, Any]:
+    normal = (NORMAL * [1.0, -1.0, -1.0]).astype(np.float32)  # in the space of the camera, +y up
+    arrays = {"ViewLayer.Depth.Z": DEPTH}
+    arrays |= {f"ViewLayer.Normal.{c}": np.ascontiguousarray(normal[..., i]) for i, c in enumerate("XYZ")}
+    files.write(folder / "shot.exr", arrays)
+    return {"eye": (0, 0, 0), "target": (0, 0, -1)}
+
+
 def elevation(folder: Path) -> dict[str, Any]:
     heights = np.zeros((60, 80))
     heights[:, 40:] = 30.0
@@ -151,6 +160,15 @@ def test_batches_have_images_first(
         np.testing.assert_array_equal(gbuffer.depth, DEPTH)
 
 
+def test_passes_of_a_renderer_are_read(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = run(monkeypatch, tmp_path, exr)
+    np.testing.assert_array_equal(found["gbuffer"].depth, DEPTH)
+    assert found["ao"].shape == SIZE
+    assert "depth is read from ViewLayer.Depth.Z" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("made", [relief, relight], ids=lambda f: f.__name__)
 def test_a_picture_shows_the_box(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, made: Callable[[Path], dict[str, Any]]
@@ -184,4 +202,5 @@ def test_every_block_of_the_page_is_run() -> None:
         "elevation",
         "relief",
         "relight",
+        "exr",
     }

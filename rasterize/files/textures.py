@@ -211,7 +211,9 @@ class TextureSet:
         try:
             texture = decode_image(data, what, most=min(self._left, MOST_TEXTURE_PIXELS))
         except SceneError as error:
-            raise SceneError(f"{error}; load_scene(..., textures=False) or --no-textures draws the scene without") from None
+            raise SceneError(
+                f"{error}; load_scene(..., textures=False) or --no-textures draws the scene without"
+            ) from None
         self._left -= texture.shape[0] * texture.shape[1]
         return texture
 

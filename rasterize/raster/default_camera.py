@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core import checks
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.keywords import checked_keywords
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.runtime import Runtime
@@ -121,6 +122,7 @@ def _detail(seen: GBuffer) -> Vector:
     return np.minimum(change, 1.0)
 
 
+@checked_keywords
 def default_camera(
     scene: Scene, width: int = 800, height: int = 600, yfov: float = DEFAULT_YFOV, runtime: Runtime | None = None
 ) -> Camera:
@@ -307,6 +309,7 @@ def _view_score(look: _Look, way: Vector, xfov: float, yfov: float, diagonal: fl
     return float(np.log(distance / diagonal).mean()) + 6.0 * detail - 5.0 * close - back
 
 
+@checked_keywords
 def default_lights(
     scene: Scene, camera: Camera, runtime: Runtime | None = None, *, emission: bool = True
 ) -> tuple[Light, ...]:

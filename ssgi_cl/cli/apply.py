@@ -43,6 +43,9 @@ from ssgi_cl.techniques.technique import Technique
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
+_LONG = 300
+"""Letters that no number has."""
+
 OFFERED = {name: each for name, each in CATALOGUE.items() if each.command}
 """The techniques that `ssgi apply` takes."""
 
@@ -312,7 +315,7 @@ def _setting(text: str, technique: str, params: type[Params]) -> tuple[str, Any]
     special = {"true": True, "false": False, "inf": math.inf}
     if value.lower() in special:
         return name, special[value.lower()]
-    if _NUMBER.fullmatch(value):  # .8 and +0.5, which JSON does not know
+    if len(value) < _LONG and _NUMBER.fullmatch(value):  # .8 and +0.5, which JSON does not know
         return name, float(value) if set(value) & set(".eE") else int(value)
     try:
         return name, json.loads(value)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Iterable
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,6 +33,24 @@ MILLIMETRES = 1e-3
 
 UNITS = ("pixels", "corner", "image")
 """Units of intrinsics."""
+
+
+class DepthKeywords(TypedDict, total=False):
+    """How a depth map is read, as keyword arguments; see `GBuffer.from_depth`."""
+
+    K: ArrayLike | None
+    K_unit: Literal["pixels", "corner", "image"]
+    yfov: float | None
+    orthographic: float | None
+    camera: Camera | Iterable[Camera] | None
+    view: ArrayLike | None
+    kind: Literal["planar", "ray", "inverse", "relative"]
+    scale: float | None
+    shift: float | None
+    invalid: Iterable[float] | None
+    normal: Any
+    normal_space: str | None
+    layout: Literal["HWC", "CHW"]
 
 
 class Reading(NamedTuple):

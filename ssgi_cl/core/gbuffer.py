@@ -126,8 +126,8 @@ class GBuffer:
         seen = f"depth {there.min():.3g} to {there.max():.3g}" if there.size else "nothing seen"
         held = [name for name in _LIMITS if getattr(self, name) is not None]
         lines = [
-            f"GBuffer of {self.size[0]} x {self.size[1]} pixels, margin {self.margin}, {self.layers} layer(s): {seen} on "
-            f"{there.size / depth.size:.0%}; {', '.join(held) or 'depth alone'}",
+            f"GBuffer of {self.size[0]} x {self.size[1]} pixels, margin {self.margin}, {self.layers} layer(s): {seen} "
+            f"on {there.size / depth.size:.0%}; {', '.join(held) or 'depth alone'}",
             *self.notes,
         ]
         return "\n  ".join(lines)

@@ -202,8 +202,8 @@ def _chosen(name: str, headers: Sequence[ExrHeader], wanted: Set[str] | None = N
         first = first or (header if own else None)
         if own and first is not None and (header.data, header.display) != (first.data, first.display):
             raise ValueError(
-                f"{name}: part {header.name!r} has the data window {header.data}, part {first.name!r} has {first.data}: "
-                "expected one"
+                f"{name}: part {header.name!r} has the data window {header.data}, part {first.name!r} has "
+                f"{first.data}: expected one"
             )
         for channel in header.channels:
             if channel.name in own and channel.sampling != (1, 1):

@@ -10,7 +10,6 @@ from PIL import Image
 
 from ssgi_cl.core import atomic, checks
 
-
 COMPRESSION = 1
 """Level of zlib: 9 makes files of pictures a tenth smaller in many times the time."""
 

@@ -33,7 +33,8 @@ def _seen(gbuffer: GBuffer | DeviceGBuffer) -> tuple[Camera, Floats]:
     """Return the camera and the depth of the front layer."""
     if isinstance(gbuffer, GBuffer):
         depth: Any = gbuffer.first("depth")
-        return gbuffer.camera, depth
+        return gbuffer.camera, gbuffer.inner(depth)
     if gbuffer.camera is None:
         raise ValueError("the device G-buffer is empty: draw or upload something first")
-    return gbuffer.camera, gbuffer.depth.download()[0]
+    (rows, columns), depth = gbuffer.margin, gbuffer.depth.download()[0]
+    return gbuffer.camera, depth[rows : depth.shape[0] - rows, columns : depth.shape[1] - columns]

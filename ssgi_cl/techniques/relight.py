@@ -7,14 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core import checks
-from ssgi_cl.core.depth_maps import linear_color
+from ssgi_cl.core.depth_maps import DepthKeywords, linear_color
 from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.keywords import checked_keywords
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light
 from ssgi_cl.device.gbuffer import on_device
 from ssgi_cl.device.runtime import Runtime, serialised
@@ -71,15 +72,15 @@ def relight(
         white = float(np.quantile(own.max(axis=-1), 0.99)) or 1.0
         plain = replace(plain, albedo=np.clip(own * (ALBEDO / white), 0.0, 1.0))
     lit = _reflected(plain, lights, radius, runtime)
-    if replaced:
-        kept = np.zeros_like(own)
-    else:
-        kept = own * gtao(plain, radius, runtime=runtime)[..., None] if ao else own  # type: ignore[arg-type]
+    kept = np.zeros_like(own) if replaced else own
+    if ao and not replaced:
+        kept = own * gtao(plain, radius, runtime=runtime)[..., None]
     there = np.isfinite(plain.first("depth"))[..., None]  # type: ignore[arg-type]
     result: NDArray[np.float32] = np.where(there, kept + lit, own).astype(np.float32)
     return result
 
 
+@checked_keywords
 def shade_depth(
     depth: Any,
     *,
@@ -88,7 +89,7 @@ def shade_depth(
     radius: float | None = None,
     exposure: float | None = None,
     runtime: Runtime | None = None,
-    **reading: Any,
+    **reading: Unpack[DepthKeywords],
 ) -> Any:
     """Show a depth map as a lit relief.
 

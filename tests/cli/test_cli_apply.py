@@ -113,8 +113,8 @@ def test_overscan_gives_what_a_gbuffer_with_a_margin_gives(tmp_path: Path, runti
     region = (-columns, -rows, 127 + columns, 95 + rows)
     depth = np.asarray(gbuffer.depth)
     exr.write(source, {"depth": depth}, data=region, display=(0, 0, 127, 95))
-    succeeds("apply", "gtao", source, "--fov", np.degrees(0.7), "-o", output)
-    expected = gtao(GBuffer(camera=camera, depth=depth), runtime=runtime)
+    succeeds("apply", "gtao", source, "--fov", np.degrees(0.7), "--set", "radius=0.5", "-o", output)
+    expected = gtao(GBuffer(camera=camera, depth=depth), 0.5, runtime=runtime)
     error = exr.read(output)["ao"][rows:-rows, columns:-columns] - expected
     # float32 roundings of the camera; at the border the groups of pixels are other ones.
     assert np.abs(error[24:-24, 32:-32]).max() < 1e-5
@@ -227,7 +227,6 @@ def test_apply_has_the_method(depth_file: Path, tmp_path: Path) -> None:
     ("options", "message"),
     [
         (["--set", "radius=NaN"], "radius is nan"),
-        (["--set", "radius=null"], "radius is None"),
         (["--set", "falloff=sudden"], "expected one of 'exponential', 'ramp'"),
         (["--set", "falloff={}"], "falloff is {}"),
         (["--set", "bias=1" + "0" * 400], "bias is 1000"),

@@ -19,7 +19,8 @@ MOST_LINES = 12
 @pytest.fixture(scope="module")
 def frame(runtime: Runtime) -> gi.Frame:
     room = cornell_box()
-    return gi.render(room.scene, room.camera(40, 30), room.lights, bounces=0, gbuffer=True, runtime=runtime)
+    lights = [*room.lights, gi.Environment(0.5)]  # whose light occlusion dims
+    return gi.render(room.scene, room.camera(40, 30), lights, bounces=0, gbuffer=True, runtime=runtime)
 
 
 def test_a_frame_is_saved_as_the_name_says(frame: gi.Frame, tmp_path: Path) -> None:
@@ -47,7 +48,9 @@ def test_texts_are_short_and_say_what_there_is(frame: gi.Frame) -> None:
         repr(frame.gbuffer): ("30 x 40 pixels", "normal, albedo"),
         repr(room.scene): ("triangles", "materials"),
         repr(room.camera(40, 30)): ("40 x 30 pixels", "degrees high"),
-        repr(gi.Camera.orthographic((0, 0, 1), (0, 0, 0), view_height=2.0, width=4, height=3)): ("orthographic, 2 high",),
+        repr(gi.Camera.orthographic((0, 0, 1), (0, 0, 0), view_height=2.0, width=4, height=3)): (
+            "orthographic, 2 high",
+        ),
         repr(gi.GBufferBatch([frame.gbuffer] * 3)): ("GBufferBatch of 3",),  # type: ignore[list-item]
     }
     for text, parts in texts.items():

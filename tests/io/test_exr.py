@@ -170,7 +170,14 @@ def test_a_file_cut_short_is_refused(damaged: Path, part: float) -> None:
 
 
 def in_parts(path: Path, **parts: Arrays) -> None:
-    OpenEXR.File([OpenEXR.Part({"name": name}, channels) for name, channels in parts.items()]).write(str(path))
+    """Write parts with one display window."""
+    made = []
+    for name, channels in parts.items():
+        rows, columns = next(iter(channels.values())).shape
+        first, last = np.zeros(2, np.int32), np.array([columns - 1, rows - 1], np.int32)
+        windows = {"dataWindow": (first, last), "displayWindow": (first, np.array([3, 2], np.int32))}
+        made.append(OpenEXR.Part({"name": name, **windows}, channels))
+    OpenEXR.File(made).write(str(path))
 
 
 def test_channels_of_parts_have_their_names(tmp_path: Path) -> None:
@@ -200,7 +207,7 @@ def test_a_gbuffer_lies_in_several_parts(tmp_path: Path) -> None:
     found = exr.read_gbuffer(path)
     np.testing.assert_array_equal(found["depth"], 3 * plane)
     np.testing.assert_array_equal(found["normal"][0, 0], [4, 5, 6])
-    with pytest.raises(ValueError, match="part 'matte' has the data window .* expected one"):
+    with pytest.raises(ValueError, match=r"part 'matte' has the data window .* expected one"):
         exr.read(path)
 
 

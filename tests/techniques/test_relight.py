@@ -61,7 +61,7 @@ def test_where_nothing_is_there_the_image_stays(runtime: Runtime) -> None:
 
 def test_a_relief_is_a_picture_of_the_kind_of_the_depth(runtime: Runtime) -> None:
     depth = np.full(SIZE, 2.0, np.float32)
-    depth[8:16, 12:20] = 1.7
+    depth[8:16, 12:20] = np.linspace(1.7, 1.99, 8)
     one = gi.shade_depth(depth, yfov=0.8, runtime=runtime)
     assert (one.shape, one.dtype) == ((*SIZE, 3), np.uint8)
     assert one.std() > 2.0

@@ -43,8 +43,12 @@ class Case:
     changed: Mapping[str, Any] = field(default_factory=dict)
 
 
+RADIUS = {"radius": 0.5}
+"""Of cases that give none: by default it follows the depth."""
+
+
 def on_gbuffer(function: Callable[..., Any]) -> Callable[..., Any]:
-    return lambda given, **params: function(given.gbuffer, **params)
+    return lambda given, **params: function(given.gbuffer, **RADIUS | params)
 
 
 def on_map(function: Callable[..., Any], number: int = 0) -> Callable[..., Any]:
@@ -53,11 +57,11 @@ def on_map(function: Callable[..., Any], number: int = 0) -> Callable[..., Any]:
 
 def of_views(given: Inputs, **params: Any) -> Any:
     maps = (*given.maps, None, None)
-    return gi.ssdo(given.single, given.lights, shadow_maps=maps, auxiliary_views=[given.view], **params)
+    return gi.ssdo(given.single, given.lights, shadow_maps=maps, auxiliary_views=[given.view], **RADIUS | params)
 
 
 def lit(given: Inputs, **params: Any) -> Any:
-    return gi.ssdo(given.gbuffer, given.lights, **params)
+    return gi.ssdo(given.gbuffer, given.lights, **RADIUS | params)
 
 
 def upsampled(given: Inputs, **params: Any) -> Any:
@@ -134,7 +138,7 @@ CASES = {
         on_gbuffer(gi.bitmask_ao), gi.BitmaskParams, {"blur_radius": 0}, {"thickness": 0.9, "slack": 2.0, **SLICES}
     ),
     "ssdo": Case(
-        lambda given, **params: gi.ssdo(given.gbuffer, given.lights[:1], **params),
+        lambda given, **params: gi.ssdo(given.gbuffer, given.lights[:1], **RADIUS | params),
         gi.SsdoParams,
         {"taps": 4, "slices": 1, "thickness": 0.1, "shadow_taps": 0},
         {"radius": 0.9, "thickness": 0.8, **NEAR},

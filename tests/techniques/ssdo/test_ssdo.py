@@ -183,7 +183,7 @@ def test_given_radiance_is_what_surfaces_send(runtime: Runtime, corner: GBuffer,
 
 def test_senders_are_as_open_to_the_sky_as_the_back_end_finds(runtime: Runtime, corner: GBuffer) -> None:
     single = front_of(corner)
-    options: dict[str, Any] = {"runtime": runtime, "method": "points", "blur_passes": 0}
+    options: dict[str, Any] = {"runtime": runtime, "method": "points", "radius": 0.5, "blur_passes": 0}
     _, bounce = ssdo(single, [SKY], **options)
     device = on_device(single, runtime)
     params = SsdoParams(method="points")

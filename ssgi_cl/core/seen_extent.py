@@ -16,7 +16,7 @@ RADIUS_SHARE = 0.05
 """Radius of ambient occlusion where none is given, as a share of the picture's diagonal at what is seen."""
 TOO_NEAR = 0.05
 """Share of the surfaces seen that are passed over, the nearest: a leaf before the lens."""
-_MOST_SAMPLES = 10_000
+_MOST_SAMPLES = 2_500
 
 
 def seen_extent(camera: Camera, depth: NDArray[Any]) -> float:
@@ -38,7 +38,7 @@ def seen_extent(camera: Camera, depth: NDArray[Any]) -> float:
 
 
 def sparse(depth: NDArray[Any]) -> NDArray[Any]:
-    """Return some thousand values of a depth map [rows, columns], evenly spread."""
+    """Return two thousand values of a depth map [rows, columns], evenly spread."""
     step = max(1, round(math.sqrt(depth.size / _MOST_SAMPLES)))
     return depth[step // 2 :: step, step // 2 :: step]
 

@@ -20,6 +20,9 @@ Image = NDArray[np.float32]
 _LARGEST_SIDE = 131072
 """Texels."""
 
+LARGEST_HALF = 65504.0
+"""Of half floats, which most environments are stored in: what overflowed was more."""
+
 RINGING = 1e-3
 """How far below 0 a filter may put texels, as a share of the brightest."""
 
@@ -34,7 +37,7 @@ def read_environment(path: str | os.PathLike[str]) -> Environment:
         FileNotFoundError: there is no such file.
         ValueError: of another kind, damaged or cut short; a texel is NaN, negative by more than a
             filter's ringing, or above 1e38; a side has more than 131072 texels; the message names the
-            file. A texel of half floats that overflowed counts as the largest that did not, one
+            file. A texel of half floats that overflowed counts as 65504, or the largest there is, one
             that is a little below 0 as 0; both are warned of (`AssumedWarning`).
         OSError: the file cannot be read.
     """
@@ -60,8 +63,9 @@ def _clamped(file: Path, image: Image) -> Image:
     """Return an image whose overflows and ringing are taken out, and warn of them."""
     with np.errstate(invalid="ignore"):
         finite = np.isfinite(image)
-        most = float(image[finite].max()) if finite.any() else 0.0
-        over, below = np.isposinf(image), (image < 0.0) & (image >= -RINGING * most)
+        brightest = float(image[finite].max()) if finite.any() else 0.0
+        most = max(brightest, LARGEST_HALF)
+        over, below = np.isposinf(image), (image < 0.0) & (image >= -RINGING * brightest)
         usable = finite.any() and most <= MOST_RADIANCE
     if not usable or not (over | below).any():
         return image

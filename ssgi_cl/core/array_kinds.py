@@ -25,7 +25,8 @@ def host_array(value: Any) -> NDArray[Any]:
     """Return `value` as a numpy array that shares its memory where the host can read it, else as a copy.
 
     Raises:
-        TypeError: it is on a device and its library cannot copy it to the host.
+        TypeError: it is on a device and its library cannot copy it to the host, or of a dtype that
+            numpy has not, such as bfloat16.
     """
     if isinstance(value, np.ndarray) or not hasattr(value, "__dlpack__"):
         return np.asarray(value)
@@ -39,9 +40,12 @@ def host_array(value: Any) -> NDArray[Any]:
             return found
     for method in ("cpu", "get"):  # of torch and of cupy
         if hasattr(plain, method):
-            return np.asarray(getattr(plain, method)())
-    kind = f"{type(value).__module__}.{type(value).__qualname__}"
-    raise TypeError(f"an array is a {kind} on a device that the host cannot read: expected one in host memory")
+            try:
+                return np.asarray(getattr(plain, method)())
+            except _REFUSED:
+                continue
+    kind = f"{type(value).__module__}.{type(value).__qualname__} of {getattr(value, 'dtype', 'no dtype')}"
+    raise TypeError(f"a {kind} cannot be read by the host: expected numbers that numpy has, in host memory")
 
 
 class ArrayKind(NamedTuple):

@@ -189,7 +189,10 @@ def values_in_range(
 
 def as_array(name: str, value: ArrayLike) -> NDArray[Any]:
     """Return `value` as an array; raise ValueError for a masked array, as `unmasked`."""
-    return host_array(unmasked(name, value))
+    try:
+        return host_array(unmasked(name, value))
+    except TypeError as error:
+        raise TypeError(f"{name}: {error}") from None
 
 
 def unmasked(name: str, value: ArrayLike) -> ArrayLike:

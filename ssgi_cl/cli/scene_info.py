@@ -15,8 +15,10 @@ from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import Light
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.scene_camera import SceneCamera
+from ssgi_cl.frame.params import CONTACT, cell_size
 from ssgi_cl.frame.render import default_ao_radius
 from ssgi_cl.io.console import human_errors, json_option, printable, progress
+from ssgi_cl.rasterize.scenes import is_scene, make_scene
 
 _SHAPING = ("eye", "target", "up", "fov", "camera", "environment", "ambient", "width", "height", "device")
 """Options of `ssgi render` that this command has too."""
@@ -36,12 +38,13 @@ def info_command(scene: str, as_json: bool, **options: Any) -> None:
     plain = ["--output", "unused.png", "--", scene]
     defaults = render_command.make_context("render", plain).params
     with progress(as_json) as step:
-        loaded, camera, lights, arguments = frame_arguments(scene, defaults | options | {"bounces": "0"}, step)
+        loaded, camera, lights, arguments = frame_arguments(scene, defaults | options, step)
         step("looking round")
-        radius = arguments["ao_radius"]
-        if radius is None:
-            radius = default_ao_radius(loaded, camera, arguments["runtime"])
-    facts = _facts(scene, loaded, camera, lights, radius)
+        if is_scene(scene):
+            direct = make_scene(scene).ao_radius
+        else:
+            direct = default_ao_radius(loaded, camera, arguments["runtime"])
+    facts = _facts(scene, loaded, camera, lights, direct)
     if as_json:
         print(json.dumps(facts, indent=1))
         return
@@ -49,8 +52,8 @@ def info_command(scene: str, as_json: bool, **options: Any) -> None:
         click.echo(printable(line))
 
 
-def _facts(name: str, scene: Scene, camera: Camera, lights: tuple[Light, ...], radius: float) -> dict[str, Any]:
-    """Return what JSON holds."""
+def _facts(name: str, scene: Scene, camera: Camera, lights: tuple[Light, ...], direct: float) -> dict[str, Any]:
+    """Return what JSON holds; `direct` is the AO radius of frames without bounces."""
     used = np.bincount(scene.material_ids, minlength=len(scene.materials))
     return {
         "scene": name,
@@ -78,7 +81,8 @@ def _facts(name: str, scene: Scene, camera: Camera, lights: tuple[Light, ...], r
         "lights": [_light(light) for light in scene.lights],
         "camera": {**_place(camera.view), "width": camera.width, "height": camera.height, **_field(camera)},
         "used_lights": [_light(light) for light in lights],
-        "ao_radius": radius,
+        "ao_radius": CONTACT * cell_size(scene),
+        "direct_ao_radius": direct,
         "notes": list(scene.notes),
     }
 
@@ -153,7 +157,7 @@ def _lines(facts: dict[str, Any]) -> list[str]:
     lines += [f"note       {note}" for note in facts["notes"]]
     lines += ["drawn with", f"  camera   {_camera_text(facts['camera'])}"]
     lines += [f"  light    {_light_text(light)}" for light in facts["used_lights"]]
-    return [*lines, f"  AO radius {facts['ao_radius']:.4g}"]
+    return [*lines, f"  AO radius {facts['ao_radius']:.4g}, with --bounces 0 {facts['direct_ao_radius']:.4g}"]
 
 
 def _material_line(material: dict[str, Any]) -> str:

@@ -11,6 +11,7 @@ import pytest
 
 import ssgi_cl as gi
 from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.frame.params import CONTACT, cell_size
 from ssgi_cl.frame.render import default_ao_radius
 from ssgi_cl.io import exr
 from ssgi_cl.rasterize.raster.default_camera import default_camera, default_lights
@@ -95,7 +96,8 @@ def test_without_a_view_it_tells_the_default_one(tmp_path: Path, runtime: Runtim
     camera = default_camera(scene, 80, 60, np.radians(50.0), runtime)
     np.testing.assert_allclose(facts["camera"]["eye"], camera.position, atol=1e-12)
     assert facts["camera"]["fov"] == pytest.approx(50.0)
-    assert facts["ao_radius"] == pytest.approx(default_ao_radius(scene, camera, runtime))
+    assert facts["direct_ao_radius"] == pytest.approx(default_ao_radius(scene, camera, runtime))
+    assert facts["ao_radius"] == pytest.approx(CONTACT * cell_size(scene))
     kinds = [type(light).__name__ for light in default_lights(scene, camera, runtime)]
     assert [light["kind"] for light in facts["used_lights"]] == kinds
     assert (facts["cameras"], facts["lights"], facts["notes"]) == ({}, [], [])
@@ -103,7 +105,7 @@ def test_without_a_view_it_tells_the_default_one(tmp_path: Path, runtime: Runtim
 
 def test_a_built_in_scene_has_its_own_radius() -> None:
     facts = answer("info", "hall")
-    assert facts["ao_radius"] == make_scene("hall").ao_radius
+    assert facts["direct_ao_radius"] == make_scene("hall").ao_radius
     assert facts["triangles"] == len(make_scene("hall").scene.triangles)
 
 

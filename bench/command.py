@@ -171,6 +171,10 @@ def bench_command(
         click.echo(document.text(doc))
     else:
         table.show(doc, Console())
+    if found.interrupted:
+        kept = f"; {len(found.results)} of {len(cases)} cases are kept" if found.results else ""
+        click.echo(f"Aborted!{kept}", err=True)
+        sys.exit(130)
     if not found.results:
         reasons = sorted({entry["reason"] for entry in found.skipped})
         click.echo(f"Error: nothing was measured: {'; '.join(reasons)}", err=True)

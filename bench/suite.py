@@ -38,13 +38,17 @@ class Pictures:
 
 @dataclass
 class Measurements:
-    """Results of a run of the benchmark; see `document` for the form of the entries."""
+    """Results of a run of the benchmark; see `document` for the form of the entries.
+
+    `interrupted`: whether Ctrl-C ended it before all cases were measured.
+    """
 
     calibration: Calibration
     reference_ms: float
     results: list[dict[str, Any]] = field(default_factory=list)
     skipped: list[dict[str, str]] = field(default_factory=list)
     pictures: dict[str, Pictures] = field(default_factory=dict)
+    interrupted: bool = False
 
 
 def select(
@@ -119,7 +123,8 @@ def measure(
 ) -> Measurements:
     """Measure time and error of cases.
 
-    A case that can't run is listed with the reason; the others go on.
+    A case that can't run is listed with the reason; the others go on. Ctrl-C ends the run; what was
+    measured until then is returned.
 
     Args:
         cases: what `select` returns.
@@ -142,6 +147,9 @@ def measure(
                 _one(case, context, family, watch, found, errors)
             except (SsgiError, ValueError, RuntimeError) as error:  # peers raise what they like
                 why = _line(error)
+            except KeyboardInterrupt:
+                found.interrupted = True
+                break
         if why:
             found.skipped.append({"name": case.name, "reason": why})
     if watch.reference_ms:

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 
-from ssgi_cl.bench import document
+from ssgi_cl.bench import document, suite
 from ssgi_cl.cli.command import main
 
 from .documents import entry, whole
@@ -116,3 +116,21 @@ def test_a_damaged_truth_is_named_with_the_remedy(own_store: Path) -> None:
     assert "unreadable" in ssgi("truth", "--list").output.splitlines()[0]
     ssgi("truth", "ssao.4", "--rebuild", *QUICK)
     ssgi("truth", "ssao.4", *QUICK)
+
+
+def test_what_was_measured_before_an_interrupt_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    measured = suite._one
+
+    def interrupted(case: Any, *rest: Any) -> None:
+        if case.family == "gbuffer":
+            raise KeyboardInterrupt
+        measured(case, *rest)
+
+    monkeypatch.setattr(suite, "_one", interrupted)
+    path = tmp_path / "found.json"
+    cases = ("blur.2", "gbuffer.1", "ssao.4")
+    options = ("--scene", "cornell_box", "--size", "40x30", "--seconds", "0.01", "--no-errors", "-o", str(path))
+    result = CliRunner().invoke(main, ["bench", *cases, *options])
+    assert result.exit_code == 130, result.output
+    assert [entry["family"] for entry in document.read(path)["results"]] == ["blur"]
+    assert "Aborted!; 1 of 3 cases are kept" in result.stderr

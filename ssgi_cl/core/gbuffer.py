@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Iterable, Mapping
 from copy import copy
@@ -41,6 +42,8 @@ _LIMITS: dict[str, checks.Limits] = {
 }
 """Arrays beside the depth, and the range of their values."""
 
+_LOG = logging.getLogger("ssgi_cl")
+
 _FLAT = ("gloss", "thickness")
 """Arrays of one channel and of the front layer alone."""
 
@@ -71,7 +74,7 @@ class GBuffer:
         nan: "refuse" raises ValueError for NaN; "hole" takes a NaN depth for +inf, nothing there
             (in all deeper layers too), and NaN elsewhere for 0, which for normals means that they
             are reconstructed from depth.
-        notes: what was assumed or found of the arrays, in words.
+        notes: what was assumed or found of the arrays, in words; they go to the logger "ssgi_cl" too.
         array_kind: kind of array that `depth` was and that results are; None: numpy.
 
     Arrays may be of any library: whatever has `__dlpack__`, `__array__` or the buffer protocol.
@@ -101,6 +104,8 @@ class GBuffer:
         if not isinstance(self.camera, Camera):
             raise TypeError(f"camera is {self.camera!r}: expected an ssgi_cl.Camera")
         object.__setattr__(self, "array_kind", array_kind(self.depth))
+        for note in self.notes:
+            _LOG.info("%s", note)
         if checks.choice("nan", self.nan, NAN) == "hole":
             self._fill_nan()
         depth = _depths(self.depth)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 import time
 import warnings
 from collections.abc import Mapping, Sequence
@@ -20,6 +21,8 @@ from ssgi_cl.device.structs import Struct
 
 if TYPE_CHECKING:
     from ssgi_cl.device.runtime import Runtime
+
+_LOG = logging.getLogger("ssgi_cl")
 
 _NO_HEADER = "-D_OPENCL_H_"
 """The include guard of Clang's opencl-c.h, which PoCL 3 includes in every program."""
@@ -120,6 +123,7 @@ class Programs:
         cl = opencl()
 
         self.builds += 1
+        _LOG.debug("compiling %s for %s", source, self._runtime.info.label)
         with warnings.catch_warnings():
             # Compilers report success in words; failures raise.
             warnings.simplefilter("ignore")

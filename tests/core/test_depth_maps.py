@@ -146,3 +146,10 @@ def test_channels_first_is_said_and_never_guessed(depth: Any) -> None:
 def test_bad_arguments_are_named(depth: Any, given: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         made(depth, **given)
+
+
+def test_notes_go_to_the_logger(depth: Any, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level("INFO", logger="ssgi_cl")
+    with pytest.warns(AssumedWarning):
+        found = made((depth * 1000).astype(np.uint16))
+    assert [record.getMessage() for record in caplog.records] == list(found.notes)

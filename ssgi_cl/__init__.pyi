@@ -2,6 +2,7 @@
 from . import rasterize as rasterize
 from . import truth as truth
 from .core.camera import Camera as Camera
+from .core.clean_depth import clean_depth as clean_depth
 from .core.errors import AssumedWarning as AssumedWarning
 from .core.errors import DeviceError as DeviceError
 from .core.errors import KernelBuildError as KernelBuildError

@@ -54,6 +54,10 @@ def relative(folder: Path) -> dict[str, Any]:
     return {"predicted": (1.0 / DEPTH - 0.1) / 0.4}
 
 
+def camera(folder: Path) -> dict[str, Any]:
+    return {"measured": np.round(DEPTH * 1e3).astype(np.uint16), "K": K}
+
+
 def relief(folder: Path) -> dict[str, Any]:
     return {"predicted": DEPTH}
 
@@ -160,6 +164,12 @@ def test_batches_have_images_first(
         np.testing.assert_array_equal(gbuffer.depth, DEPTH)
 
 
+def test_measured_depth_is_cleaned(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    found = run(monkeypatch, tmp_path, camera)
+    np.testing.assert_allclose(found["depth"], DEPTH, atol=2e-3)  # of millimetres
+    assert found["ao"].shape == SIZE
+
+
 def test_passes_of_a_renderer_are_read(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -203,4 +213,5 @@ def test_every_block_of_the_page_is_run() -> None:
         "relief",
         "relight",
         "exr",
+        "camera",
     }

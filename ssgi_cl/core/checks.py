@@ -94,6 +94,11 @@ MOST_OFFSET = 1e30
 """Scene units from the world's origin, along each axis, of what has a place."""
 
 
+LEAST_DEPTH, MOST_DEPTH = 1e-30, 1e30
+"""Scene units: nearer and farther surfaces count as these, whose reciprocals and positions float32
+holds at any angle."""
+
+
 def point(name: str, value: ArrayLike) -> NDArray[np.float64]:
     """Return `value` as a position within `MOST_OFFSET` of the world's origin, else raise."""
     array = vector(name, value, 3, "scene units")

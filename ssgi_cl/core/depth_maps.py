@@ -14,8 +14,6 @@ from ssgi_cl.core import checks
 from ssgi_cl.core.array_kinds import LAYOUTS, channels_last, host_array
 from ssgi_cl.core.camera import Camera, orthographic_matrix
 from ssgi_cl.core.errors import AssumedWarning
-from ssgi_cl.core.gbuffer import MOST_DEPTH, GBuffer
-from ssgi_cl.core.gbuffer_batch import GBufferBatch
 from ssgi_cl.core.normal_space import Space, detected_space, named_space
 
 KINDS = ("planar", "ray", "inverse", "relative")
@@ -62,7 +60,7 @@ class Reading(NamedTuple):
     invalid: tuple[float, ...]
 
 
-def gbuffer_from_depth(
+def read_depth(
     depth: Any,
     *,
     K: ArrayLike | None,
@@ -79,8 +77,8 @@ def gbuffer_from_depth(
     normal_space: str | None,
     color: Any,
     layout: str,
-) -> GBuffer | GBufferBatch:
-    """Return the G-buffer of a depth map, or those of a batch; see `GBuffer.from_depth`."""
+) -> tuple[list[dict[str, Any]], bool]:
+    """Return the fields of the G-buffer of each depth map, and whether it is a batch; see `GBuffer.from_depth`."""
     checks.choice("layout", layout, LAYOUTS)
     checks.choice("kind", kind, KINDS)
     planes = channels_last("depth", checks.as_array("depth", depth), layout, 1)
@@ -108,12 +106,12 @@ def gbuffer_from_depth(
             name: value if value is None or count is None or value.ndim == 3 else value[number]
             for name, value in attributes.items()
         }
-        one = _one(front, cameras[number], reading, parts["normal"], normal_space, parts["color"], known, tuple(notes))
-        made.append(one.of_kind(depth))
-    return made[0] if count is None else GBufferBatch(made)
+        own = cameras[number], reading, parts["normal"], normal_space, parts["color"], known, tuple(notes)
+        made.append(_fields(front, *own))
+    return made, count is not None
 
 
-def _one(
+def _fields(
     values: NDArray[Any],
     camera: Camera,
     reading: Reading,
@@ -122,7 +120,8 @@ def _one(
     color: NDArray[Any] | None,
     known: bool,
     said: tuple[str, ...],
-) -> GBuffer:
+) -> dict[str, Any]:
+    """Return the fields of the G-buffer of a depth map."""
     notes = list(said)
     depth = planar_depth(values, camera, reading, notes)
     if normal is not None:
@@ -133,7 +132,7 @@ def _one(
     if color is not None:
         _like("color", color, depth)
         albedo = linear_color(color)
-    return GBuffer(camera=camera, depth=depth, normal=normal, albedo=albedo, notes=tuple(notes))
+    return {"camera": camera, "depth": depth, "normal": normal, "albedo": albedo, "notes": tuple(notes)}
 
 
 def planar_depth(
@@ -167,7 +166,7 @@ def planar_depth(
             depth = _scale(values, reading, notes) * (1.0 / given if reading.kind == "inverse" else given)
         if reading.kind == "ray" and not camera.is_orthographic:
             depth = depth / ray_lengths(camera)
-    return np.where(missing, np.inf, np.minimum(depth, MOST_DEPTH)).astype(np.float32)
+    return np.where(missing, np.inf, np.minimum(depth, checks.MOST_DEPTH)).astype(np.float32)
 
 
 def ray_lengths(camera: Camera) -> NDArray[np.float64]:
@@ -231,7 +230,7 @@ def _affine(
     """Return 1 / depth of relative depth."""
     near, far = ASSUMED_RANGE
     if reading.scale is not None:
-        return np.maximum(reading.scale * given + (reading.shift or 0.0), 1.0 / MOST_DEPTH)
+        return np.maximum(reading.scale * given + (reading.shift or 0.0), 1.0 / checks.MOST_DEPTH)
     if reading.shift is not None:
         raise ValueError(f"shift is {reading.shift!r}: expected scale too, 1 / depth = scale * value + shift")
     low, high = (float(f(given[~missing])) if not missing.all() else 0.0 for f in (np.min, np.max))
@@ -306,7 +305,7 @@ def _cameras(
     rows, columns = size
     if orthographic is not None:
         height = checks.number("orthographic", orthographic, low=0.0, above=True, unit="scene units")
-        matrix = orthographic_matrix(2.0 * rows / (height * columns), 2.0 / height, 0.0, MOST_DEPTH)
+        matrix = orthographic_matrix(2.0 * rows / (height * columns), 2.0 / height, 0.0, checks.MOST_DEPTH)
         return [
             Camera(view=np.eye(4) if each is None else each, projection=matrix, width=columns, height=rows)
             for each in views

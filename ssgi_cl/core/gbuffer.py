@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterable, Mapping
 from copy import copy
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal, Self, Unpack
+from typing import Any, Literal, Self, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,19 +15,14 @@ from numpy.typing import ArrayLike, NDArray
 from ssgi_cl.core import checks
 from ssgi_cl.core.array_kinds import ArrayKind, array_kind
 from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.depth_maps import read_depth, world_normals
 from ssgi_cl.core.formats import files
+from ssgi_cl.core.gbuffer_batch import GBufferBatch
 from ssgi_cl.core.immutable import Immutable, frozen
 from ssgi_cl.core.lights import PunctualLight
 from ssgi_cl.core.normal_space import UnclearSpaceError
 
-if TYPE_CHECKING:
-    from ssgi_cl.core.gbuffer_batch import GBufferBatch
-
 Floats = NDArray[np.float32]
-
-LEAST_DEPTH, MOST_DEPTH = 1e-30, 1e30
-"""Scene units: nearer and farther surfaces count as these, whose reciprocals and positions float32
-holds at any angle."""
 
 NAN = ("refuse", "hole")
 """Meanings of NaN in a G-buffer's arrays."""
@@ -256,9 +251,7 @@ class GBuffer:
                 space is not clear (`UnclearSpaceError`; the message has the two best and their residuals).
             TypeError: an array is not of real numbers.
         """
-        from ssgi_cl.core.depth_maps import gbuffer_from_depth  # needs this module
-
-        return gbuffer_from_depth(
+        fields, is_batch = read_depth(
             depth,
             K=K,
             K_unit=K_unit,
@@ -275,6 +268,8 @@ class GBuffer:
             color=color,
             layout=layout,
         )
+        made = [cls(**each).of_kind(depth) for each in fields]
+        return GBufferBatch(made) if is_batch else made[0]
 
     @classmethod
     def from_exr(
@@ -310,8 +305,6 @@ class GBuffer:
                 on opposite sides (the margin); several layers have a depth and none is named; or the
                 space of the normals is not clear (`UnclearSpaceError`).
         """
-        from ssgi_cl.core.depth_maps import world_normals  # needs this module
-
         arrays: dict[str, Any] = files().read_gbuffer(path, channels, size=camera.size, layer=layer, part=part)
         if "normal" in arrays:
             try:
@@ -426,14 +419,14 @@ def _in_order(depth: Floats) -> None:
 
 
 def _limited(depth: ArrayLike) -> NDArray[Any]:
-    """Return depths within LEAST_DEPTH and MOST_DEPTH; the same array if they are.
+    """Return depths within the limits of `checks`; the same array if they are.
 
     What is infinite, NaN or not above 0 stays as it is. Float64 is limited before it is rounded.
     """
     array = checks.as_array("depth", depth)
     if array.dtype.kind != "f" or array.size == 0:
         return array
-    least, most = np.float32(LEAST_DEPTH), np.float32(MOST_DEPTH)
+    least, most = np.float32(checks.LEAST_DEPTH), np.float32(checks.MOST_DEPTH)
     far, near = array > most, array < least
     if not (near.any() or np.isfinite(array[far]).any()):
         return array

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ssgi_cl.core.array_kinds import ArrayKind, host_array
-from ssgi_cl.core.gbuffer import GBuffer
+
+if TYPE_CHECKING:
+    from ssgi_cl.core.gbuffer import GBuffer
 
 
-class GBufferBatch(Sequence[GBuffer]):
+class GBufferBatch(Sequence["GBuffer"]):
     """G-buffers of equal size, margin and layers.
 
     Every technique takes a batch in place of a G-buffer; its results are [images, rows, columns] and
@@ -50,7 +52,7 @@ class GBufferBatch(Sequence[GBuffer]):
 
     def __getitem__(self, index: Any) -> Any:
         chosen = self._gbuffers[index]
-        return chosen if isinstance(chosen, GBuffer) else GBufferBatch(chosen)
+        return GBufferBatch(chosen) if isinstance(index, slice) else chosen
 
     def __iter__(self) -> Iterator[GBuffer]:
         return iter(self._gbuffers)

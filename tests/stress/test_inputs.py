@@ -12,7 +12,8 @@ from hypothesis.extra import numpy as arrays
 from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.gbuffer import LEAST_DEPTH, MOST_DEPTH, GBuffer
+from ssgi_cl.core.checks import LEAST_DEPTH, MOST_DEPTH
+from ssgi_cl.core.gbuffer import GBuffer
 
 from .test_finite import examples
 

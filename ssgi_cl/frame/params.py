@@ -241,8 +241,9 @@ class FrameParams(Params):
     @property
     def needs_radius(self) -> bool:
         """Whether a radius is to be chosen from the view."""
-        of_view = self.bounce_name == "ssdo" or (self.ao_name is not None and not isinstance(self.ao, Params))
-        return self.ao_radius is None and of_view
+        # With SSDO there is no other occlusion; parameters of a technique have a radius of their own.
+        technique = self.indirect if self.bounce_name == "ssdo" else self.ao if self.ao_name else None
+        return self.ao_radius is None and technique is not None and not isinstance(technique, Params)
 
     def techniques(self, radius: float = 1.0) -> tuple[OcclusionParams | None, Any]:
         """Return the parameters of ambient occlusion and of one bounce, None where there is none.

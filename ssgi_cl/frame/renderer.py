@@ -69,6 +69,7 @@ class Renderer:
         self._target = build.rasterizer.target
         self._graph = Graph(runtime, PIPELINES[params.kind](build), keep="unchanged" in params.skips)
         self._record: GraphRecord | None = None
+        self._latest: tuple[FrameParams, dict[str, Any], FrameParams] = params, {}, params
 
     @property
     def params(self) -> FrameParams:
@@ -86,10 +87,18 @@ class Renderer:
 
     def __call__(self, scene: Scene, camera: Camera, lights: Sequence[Light], **changes: Any) -> Frame:
         """Render one frame; see `render`. `changes` are other values of parameters for it alone."""
-        params = replace(self._params, **changes) if changes else self._params
-        if changes and params.shape() != self._params.shape():
-            raise ValueError(f"{', '.join(changes)}: expected values that a renderer need not be prepared for anew")
+        params = self._changed(changes) if changes else self._params
         return self.runtime.exclusively(lambda: self._frame(scene, camera, tuple(lights), params))
+
+    def _changed(self, changes: dict[str, Any]) -> FrameParams:
+        """Return the parameters with other values, checked once for frames with the same changes."""
+        of, latest, found = self._latest
+        if of is not self._params or latest != changes:
+            found = replace(self._params, **changes)
+            if found.shape() != self._params.shape():
+                raise ValueError(f"{', '.join(changes)}: expected values that a renderer need not be prepared for anew")
+            self._latest = self._params, changes, found
+        return found
 
     def graph(self) -> GraphRecord:
         """Return the frame graph: that of the latest frame, or what a first one would run."""

@@ -68,3 +68,22 @@ def test_arguments_choose_the_whole_picture_or_a_technique() -> None:
         assert FrameParams(**given).whole is None
     assert FrameParams(bounces=1, preset="low").whole == PRESETS["low"](1)
     assert FrameParams(preset=WholeFrameParams.low(2)).whole == PRESETS["low"](2)
+
+
+@pytest.mark.parametrize(
+    ("given", "needs"),
+    [
+        ({}, True),
+        ({"ao": False}, False),
+        ({"ao": "hbao", "bounces": 0}, True),
+        ({"ao_radius": 0.5}, False),
+        ({"ao": gi.GtaoParams(radius=0.5)}, False),
+        ({"indirect": "ssdo"}, True),
+        ({"indirect": gi.SsdoParams(radius=0.5)}, False),  # its own, and no other occlusion
+        ({"indirect": gi.VplSplatParams(vpls=16)}, True),
+        ({"indirect": gi.VplSplatParams(vpls=16), "ao": gi.SsaoParams(radius=0.5)}, False),
+    ],
+    ids=str,
+)
+def test_a_radius_is_chosen_from_the_view_where_none_is_given(given: dict[str, Any], needs: bool) -> None:
+    assert gi.FrameParams(**given).needs_radius == needs

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.errors import MissingExtraError
-from ssgi_cl.rasterize.files.textures import srgb_to_linear
+from ssgi_cl.core.srgb import srgb_to_linear
 from ssgi_cl.techniques.filters.tonemap import auto_exposure
 from ssgi_cl.truth import Truth, metrics
 

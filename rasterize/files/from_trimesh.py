@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.errors import SceneError
 from ssgi_cl.core.scene import Material
+from ssgi_cl.core.srgb import srgb_to_linear
 from ssgi_cl.rasterize.files.metal_rough import Lobe, metal_rough_lobe
-from ssgi_cl.rasterize.files.textures import TextureSet, lets_through, mean_color, rgba_of, srgb_to_linear
+from ssgi_cl.rasterize.files.textures import TextureSet, lets_through, mean_color, rgba_of
 from ssgi_cl.rasterize.parts import Contents, Part
 
 _GREY = Material()

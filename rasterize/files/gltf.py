@@ -65,7 +65,7 @@ def read(path: Path, textures: TextureSet) -> Contents:
     """
     document, views = read_document(path)
     nodes = placed_nodes(document)
-    placed = placed_meshes(document, nodes)
+    matrices, placed = dict(nodes), placed_meshes(document, nodes)
     materials = GltfMaterials(document, views, path.parent, textures)
     geometry = _Geometry(document, views)
     with np.errstate(invalid="ignore", over="ignore"):  # what is not finite is refused later
@@ -86,7 +86,7 @@ def read(path: Path, textures: TextureSet) -> Contents:
     for node, matrix in placed:
         joints = None
         if "skin" in nodes_of[node]:
-            joints = joint_matrices(document, nodes_of[node]["skin"], dict(nodes), geometry.accessors)
+            joints = joint_matrices(document, nodes_of[node]["skin"], matrices, geometry.accessors)
         for number in parts_of[nodes_of[node]["mesh"]]:
             weights = geometry.weights.get(number)
             if joints is None or weights is None:

@@ -40,8 +40,8 @@ def joint_matrices(document: Json, number: int, placed: Mapping[int, Matrices], 
     bind = accessors.floats(skin["inverseBindMatrices"], ("MAT4",)).reshape(-1, 4, 4).transpose(0, 2, 1)
     if len(bind) < len(joints):
         raise SceneError(f"skin {number} has {len(bind)} matrices: expected one for each of {len(joints)} joints")
-    posed: Matrices = world @ bind[: len(joints)]
-    return posed
+    matrices: Matrices = world @ bind[: len(joints)]
+    return matrices
 
 
 def posed(part: Part, matrices: Matrices, joints: NDArray[np.int64], weights: Matrices) -> Part:

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.errors import SceneError, shown
 from ssgi_cl.core.scene import Material
+from ssgi_cl.core.srgb import srgb_to_linear
 from ssgi_cl.rasterize.files.mtl import MtlMaterial, read_mtl
 from ssgi_cl.rasterize.files.polygons import triangulate
-from ssgi_cl.rasterize.files.textures import TextureSet, found_beside, is_file, srgb_to_linear
+from ssgi_cl.rasterize.files.textures import TextureSet, found_beside, is_file
 from ssgi_cl.rasterize.parts import Contents, Part
 
 _MISSING_SLASHES = (b"/0/0", b"/0", b"")

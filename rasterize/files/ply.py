@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.errors import SceneError
 from ssgi_cl.core.scene import Material
+from ssgi_cl.core.srgb import srgb_to_linear
 from ssgi_cl.rasterize.files.ply_header import PlyHeader, read_header
 from ssgi_cl.rasterize.files.ply_polygons import INDEX_LISTS, as_triangles
-from ssgi_cl.rasterize.files.textures import UTF8_MARK, TextureSet, srgb_to_linear
+from ssgi_cl.rasterize.files.textures import UTF8_MARK, TextureSet
 from ssgi_cl.rasterize.parts import Contents, Part
 
 

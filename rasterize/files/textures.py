@@ -10,10 +10,11 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from urllib.parse import unquote, unquote_to_bytes
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
 from ssgi_cl.core.errors import SceneError, shown
+from ssgi_cl.core.srgb import srgb_to_linear
 
 UTF8_MARK = b"\xef\xbb\xbf"
 """Byte order mark, which editors put before a text."""
@@ -26,12 +27,6 @@ MOST_PIXELS_IN_ALL = 4 * MOST_TEXTURE_PIXELS
 
 # Without EPS and others that start foreign programs or describe several pages.
 _FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TGA", "GIF", "TIFF")
-
-
-def srgb_to_linear(encoded: ArrayLike) -> NDArray[np.float64]:
-    """Return the linear value of sRGB-encoded numbers in [0, 1] (IEC 61966-2-1)."""
-    value = np.asarray(encoded, dtype=np.float64)
-    return np.where(value <= 0.04045, value / 12.92, ((np.abs(value) + 0.055) / 1.055) ** 2.4)
 
 
 def mean_color(texture: NDArray[np.uint8]) -> NDArray[np.float64]:

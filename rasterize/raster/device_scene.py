@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.scene import Scene
+from ssgi_cl.core.srgb import srgb_to_linear
 from ssgi_cl.device.constants import START_BATCH, START_FEW
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.rasterize.files.textures import srgb_to_linear
 
 BOXED = START_BATCH
 """Triangles, one after the other, that share a box."""

@@ -15,6 +15,7 @@ from ssgi_cl.core.array_kinds import LAYOUTS, channels_last, host_array
 from ssgi_cl.core.camera import Camera, orthographic_matrix
 from ssgi_cl.core.errors import AssumedWarning
 from ssgi_cl.core.normal_space import Space, detected_space, named_space
+from ssgi_cl.core.srgb import srgb_to_linear
 
 KINDS = ("planar", "ray", "inverse", "relative")
 """Meanings of the numbers of a depth map, see `GBuffer.from_depth`."""
@@ -209,8 +210,7 @@ def world_normals(
 def linear_color(color: NDArray[Any]) -> NDArray[np.float32]:
     """Return reflectance in [0, 1] of a picture: integers are decoded as sRGB, floats are linear already."""
     if color.dtype.kind in "iu":
-        coded = color.astype(np.float64) / np.iinfo(color.dtype).max
-        color = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
+        color = srgb_to_linear(color / np.iinfo(color.dtype).max)
     linear: NDArray[np.float32] = np.clip(np.nan_to_num(color), 0.0, 1.0).astype(np.float32)
     return linear
 

@@ -280,24 +280,24 @@ def read_gbuffer(
             that the file doesn't have: the message lists those that it has.
     """
     name = os.fspath(path)
+    headers = read_headers(Path(name))
     if size is not None:
-        _check_regions(name, size)
+        _check_regions(name, headers[0], size)
     wanted = dict(channels or {})
     unknown = sorted(set(wanted) - QUANTITIES.keys())
     if unknown:
         raise ValueError(f"channels names {unknown[0]!r}: expected 'depth', 'normal', 'albedo' or 'emission'")
-    headers = [each for each in read_headers(Path(name)) if part is None or each.name == part]
-    if not headers:
-        parts = ", ".join(repr(each.name) for each in read_headers(Path(name)))
+    chosen = [each for each in headers if part is None or each.name == part]
+    if not chosen:
+        parts = ", ".join(repr(each.name) for each in headers)
         raise ValueError(f"{name} has no part {part!r}; it has {parts}")
-    names = [whole for header in headers for whole in header.names.values()]
+    names = [whole for header in chosen for whole in header.names.values()]
     given = {key: _given(name, key, value, names) for key, value in wanted.items()}
     try:
         found = found_channels(names, layer, given)
     except ValueError as error:
         raise type(error)(f"{name}: {error}") from None
-    all_parts = read_headers(Path(name))
-    present = _chosen(name, all_parts, {channel for each in found.channels.values() for channel in each})
+    present = _chosen(name, headers, {channel for each in found.channels.values() for channel in each})
     arrays: dict[str, Any] = {"notes": found.notes}
     for key, own in found.channels.items():
         planes = [present[channel].astype(np.float32, copy=False) for channel in own]
@@ -308,9 +308,8 @@ def read_gbuffer(
     return arrays
 
 
-def _check_regions(name: str, size: tuple[int, int]) -> None:
+def _check_regions(name: str, header: ExrHeader, size: tuple[int, int]) -> None:
     """Raise ValueError unless the windows of a file are those of a camera of this size."""
-    header = read_headers(Path(name))[0]
     data, display = (np.reshape(window, (2, 2)) for window in (header.data, header.display))
     before, after = display[0] - data[0], data[1] - display[1]
     if size != header.size and ((before != after).any() or (before < 0).any()):

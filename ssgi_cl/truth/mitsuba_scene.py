@@ -20,7 +20,7 @@ from ssgi_cl.core.errors import MissingExtraError
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light, SpotLight
 from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.core.scene_parts import without_holes
-from ssgi_cl.rasterize.files.textures import srgb_to_linear
+from ssgi_cl.core.srgb import srgb_to_linear
 from ssgi_cl.techniques.direct.light_data import power
 from ssgi_cl.truth.emitters import Emitters
 from ssgi_cl.truth.phong_bsdf import PHONG, register_phong

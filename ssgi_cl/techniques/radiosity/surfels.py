@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.sampling import r_points
 from ssgi_cl.core.scene import Scene
+from ssgi_cl.core.srgb import srgb_to_linear
 from ssgi_cl.core.vpls import PARTS
-from ssgi_cl.rasterize.files.textures import srgb_to_linear
 
 Doubles = NDArray[np.float64]
 

@@ -8,7 +8,7 @@
 //          first, and those that may cover a pixel are then taken together, so that all lanes have
 //          work.
 // Reads:   boxes     [number of runs of RASTER_BOXED triangles][RASTER_BOX]
-//          corners   3 x [triangles] vertex indices
+//          corners   4 x [triangles] vertex indices, and whether the back is not there
 //          vertices  [count][RASTER_VERTEX] quads
 //          view, screen  see raster_vertices
 // Writes:  records   see records.clh; at most params.capacity
@@ -61,7 +61,7 @@ static inline void raster_records(const int *triangles, const int count, const R
     const vint a = v_igather(mesh.corners, id);
     const vint b = v_igather(mesh.corners + mesh.stride, id);
     const vint c = v_igather(mesh.corners + 2 * mesh.stride, id);
-    const RasterScreen t = raster_screen(mesh.screen, params, a, b, c);
+    const RasterScreen t = raster_screen(mesh.screen, params, a, b, c, v_splat_int(0));
     const RasterPlanes planes =
         raster_planes(camera, params, mesh.vertices, a, b, c, t.least, t.most);
     int4 quads[RASTER_RECORD / 4][SSGI_LANES];
@@ -72,9 +72,10 @@ static inline void raster_records(const int *triangles, const int count, const R
     const vint left = t.left / RASTER_TILE, top = t.top / RASTER_TILE;
     const vmask single =
         t.ready & v_ieq(left, t.right / RASTER_TILE) & v_ieq(top, t.bottom / RASTER_TILE);
-    int tile[SSGI_LANES], clip[SSGI_LANES];
+    int tile[SSGI_LANES], clip[SSGI_LANES], ready[SSGI_LANES];
     v_ikeep(v_iselect(v_splat_int(-1), top * params.tiles_x + left, single), tile);
     v_ikeep(t.clip, clip);
+    v_ikeep(t.ready, ready);
     // One step of a shared counter for all: one by one they would hold up each other's cores.
     const int index = atomic_add(lists.counters + RASTER_RECORDS, count);
     const int capacity = min(count, params.capacity - index);
@@ -101,17 +102,20 @@ static inline void raster_records(const int *triangles, const int count, const R
         record.d = (float3)(as_float(second.z), as_float(second.w), as_float(third.x));
         record.range = (float2)(as_float(third.y), as_float(third.z));
         record.triangle = third.w;
+        const int n = record.triangle, stride = mesh.stride;
+        // What is ready shows its front, and may have been turned round.
+        const bool culled = params.back != 0 && !ready[lane] && mesh.corners[3 * stride + n];
+        const int back = culled ? params.back : 0;
         if (clip[lane]) {
-            const int n = record.triangle, stride = mesh.stride;
             raster_clip(
                 camera, raster_vertex(mesh.view, params.vertex_stride, mesh.corners[n]),
                 raster_vertex(mesh.view, params.vertex_stride, mesh.corners[stride + n]),
                 raster_vertex(mesh.view, params.vertex_stride, mesh.corners[2 * stride + n]),
-                record, lists, params);
+                record, back, lists, params);
             // The pieces have records of their own.
             record.v[0] = record.v[1] = record.v[2];
         }
-        raster_append(record, index + lane, lists, params);
+        raster_append(record, index + lane, back, lists, params);
     }
 }
 
@@ -132,9 +136,9 @@ __kernel void raster_setup(__global const float *restrict boxes,
     int kept[RASTER_RUN];
     int count = 0;
     for (int i = first; i < min(first + RASTER_RUN, size.x); i += SSGI_LANES) {
-        const RasterScreen t =
-            raster_screen(screen, params, v_iload(corners + i), v_iload(corners + mesh.stride + i),
-                          v_iload(corners + 2 * mesh.stride + i));
+        const RasterScreen t = raster_screen(
+            screen, params, v_iload(corners + i), v_iload(corners + mesh.stride + i),
+            v_iload(corners + 2 * mesh.stride + i), v_iload(corners + 3 * mesh.stride + i));
         const vmask wanted = v_ilt(v_iota() + i, v_splat_int(size.x)) & (t.ready | t.wide | t.clip);
         if (!v_any(wanted)) {
             continue;

@@ -5,7 +5,7 @@
 // they are.
 //
 // Reads:   chosen     [size.y] triangles with holes
-//          corners    3 x [triangles, rounded up to 16] vertices
+//          corners    4 x [triangles, rounded up to 16] vertices, and whether the back is not there
 //          positions  3 x [vertex_stride] scene units, relative to the scene's origin
 //          uvs        2 x [vertex_stride]; cutouts, materials, textures, texels, decode: see
 //                     raster_tiles
@@ -48,6 +48,11 @@ sampled_cutouts(__global const int *restrict chosen, __global const int *restric
         z[k] = v_splat(fma(px, m[8], fma(py, m[9], fma(pz, m[10], m[11]))));
         u[k] = v_splat(uvs[vertex]);
         v[k] = v_splat(uvs[vertex_stride + vertex]);
+    }
+    const vfloat whole_x[3] = {v_splat(kx[0]), v_splat(kx[1]), v_splat(kx[2])};
+    const vfloat whole_y[3] = {v_splat(ky[0]), v_splat(ky[1]), v_splat(ky[2])};
+    if (corners[3 * stride + triangle] && v_any(sampled_back(whole_x, whole_y))) {
+        return;
     }
     const float room = 0.5f + SAMPLED_ROOM, last = (float)(side - 1);
     const float from_x = max(ceil(min(min(kx[0], kx[1]), kx[2]) - room), 0.0f);

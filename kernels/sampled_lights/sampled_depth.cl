@@ -6,11 +6,13 @@
 //          others one by one, a texel a lane. Edge functions (Pineda 1988) of corners relative to
 //          the texel change sign exactly where two triangles share an edge.
 // Reads:   triangles  [9][stride] corners, relative to the scene's origin; of triangles with holes,
-//                     which sampled_cutouts draws, all three the same
+//                     which sampled_cutouts draws, all three the same; with SAMPLED_CULL a tenth
+//                     row, 1 where the back is not there
 //          views      [views][12] rows of the matrix to (column, row, depth) of the map, depth > 0
 // Writes:  maps       [views][texels][texels] bits of the least depth, INFINITY where nothing is;
 //                     the least is the same in any order
-// Macros:  SAMPLED_BATCH: triangles of a work-item, a multiple of the lanes
+// Macros:  SAMPLED_BATCH: triangles of a work-item, a multiple of the lanes; SAMPLED_CULL: 1 where
+//          triangles may lack their back
 // Params:  size = (views, batches); number of triangles, texels along a map's side, views of a
 //          work-item
 // Launch:  one row for each batch and a column for each `each` views; with SSGI_LANES > 1 one row
@@ -20,8 +22,8 @@
 #include "common/lanes.clh"
 #include "sampled_lights/cover.clh"
 
-#ifndef SAMPLED_BATCH
-#error "SAMPLED_BATCH must be defined by the host"
+#if !defined(SAMPLED_BATCH) || !defined(SAMPLED_CULL)
+#error "SAMPLED_BATCH and SAMPLED_CULL must be defined by the host"
 #endif
 
 #define SAMPLED_SMALL 24.0f // texels of a box up to which triangles are drawn side by side
@@ -130,8 +132,12 @@ static inline void sampled_batch(__global const float *restrict triangles,
         const vfloat bottom = v_floor(v_max(v_max(y[0], y[1]), y[2]) - (0.5f - SAMPLED_ROOM));
         const vfloat from_x = v_max(left, v_splat(0.0f)), to_x = v_min(right, v_splat(last));
         const vfloat from_y = v_max(top, v_splat(0.0f)), to_y = v_min(bottom, v_splat(last));
-        const vmask wanted =
+        vmask wanted =
             v_le(from_x, to_x) & v_le(from_y, to_y) & v_ilt(v_iota() + i, v_splat_int(end));
+#if SAMPLED_CULL
+        wanted = wanted &
+                 ~(sampled_back(x, y) & v_gt(v_load(triangles + 9 * stride + i), v_splat(0.0f)));
+#endif
         if (!v_any(wanted)) {
             continue;
         }

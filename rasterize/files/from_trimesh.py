@@ -128,6 +128,7 @@ class _Reader:
             alpha_cutoff={"MASK": min(max(cutoff, 0.0), 1.0), "BLEND": 0.5}.get(mode, 0.0),
             blends=mode == "BLEND" and lets_through(float(color[3]), image),
             emission=_rgb(emission.clip(0.0, None)),
+            double_sided=source.doubleSided is not False,
         )
 
     def _simple(self, source: Any) -> Material:

@@ -100,6 +100,7 @@ class GltfMaterials:
                 blends=mode == "BLEND" and lets_through(float(color[3]), image),
                 transmission=(red, green, blue),
                 emission=self._emission(source, index),
+                double_sided=bool(source.get("doubleSided", False)),
             ),
             uv_set=uv_set,
             uv_matrix=uv_matrix,

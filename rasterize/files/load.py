@@ -31,6 +31,7 @@ def load_scene(
     *,
     crease_angle: float = DEFAULT_CREASE_ANGLE,
     textures: bool = True,
+    cull: bool | None = None,
 ) -> Scene:
     """Load a scene from a file (.glb, .gltf, .obj with .mtl, .ply) or from trimesh objects.
 
@@ -43,6 +44,8 @@ def load_scene(
         crease_angle: radians, in [0, pi]; where normals are missing, faces that meet at a sharper
             angle keep an edge between them, others are smoothed. 0 makes every face flat.
         textures: whether textures are read; without, materials have their factors alone.
+        cull: whether triangles lack their back, see `Material.double_sided`; by default as the source
+            says: in glTF those of materials that are not `doubleSided`, elsewhere none.
 
     Returns:
         The scene with the lights and cameras that a glTF file describes, and notes on what of the
@@ -57,11 +60,13 @@ def load_scene(
     """
     angle = checks.number("crease_angle", crease_angle, low=0.0, high=math.pi, unit="radians")
     checks.switch("textures", textures)
+    if cull is not None:
+        checks.switch("cull", cull)
     images = TextureSet(drawn=textures)
     if not isinstance(source, (str, os.PathLike)):
         from ssgi_cl.rasterize.files.from_trimesh import read_trimesh
 
-        return _joined(read_trimesh(source, images), images, angle)
+        return _joined(read_trimesh(source, images), images, angle, cull)
     path = Path(source)
     if not path.is_file():
         raise SceneError(f"{path}: there is no such file")
@@ -70,7 +75,7 @@ def load_scene(
         raise SceneError(f"{path} ends in {path.suffix!r}: expected one of {', '.join(READERS)}")
     reader = import_module(f"ssgi_cl.rasterize.files.{module}")
     try:
-        return _joined(reader.read(path, images), images, angle)
+        return _joined(reader.read(path, images), images, angle, cull)
     except SsgiError as error:
         if str(path.name) in str(error):
             raise
@@ -81,9 +86,12 @@ def load_scene(
         raise SceneError(f"{path} can't be read: {type(error).__name__}: {error}") from error
 
 
-def _joined(contents: Contents, textures: TextureSet, crease_angle: float) -> Scene:
+def _joined(contents: Contents, textures: TextureSet, crease_angle: float, cull: bool | None) -> Scene:
     """Return the scene of what a file holds."""
-    scene = assemble(contents.parts, contents.materials, textures.textures, crease_angle=crease_angle)
+    materials = contents.materials
+    if cull is not None:
+        materials = [replace(material, double_sided=not cull) for material in materials]
+    scene = assemble(contents.parts, materials, textures.textures, crease_angle=crease_angle)
     notes = (*contents.notes, *textures.notes)
     if not (contents.lights or contents.cameras or notes):
         return scene

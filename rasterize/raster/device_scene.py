@@ -27,13 +27,14 @@ class DeviceScene:
         vertex_stride, triangle_stride: elements from one component to the next in planar arrays.
         shading: [vertices, 12] position, normal, texture coordinate and colour, and `faces`:
             [triangles, 4] vertices and material; see kernels/raster/records.clh.
+        corners: 4 x [triangles, rounded up to 16] vertices, and whether the back is not there.
         boxes: [runs of `BOXED` triangles, 6] middle and half size of a box round them.
         few_boxes: [runs of `START_FEW` triangles, 6] likewise.
         spread: mean diagonal of the latter over that of the scene: small where triangles that
             follow each other lie together.
         lobes: [materials, 4] specular reflectance and exponent of the Phong lobe.
         through: [materials, 4] share of light that passes what is there, and whether it blends.
-        textured, colored, emits, glossy, has_cutouts: what the scene needs of the kernels.
+        textured, colored, emits, glossy, has_cutouts, culls: what the scene needs of the kernels.
     """
 
     def __init__(self, runtime: Runtime, scene: Scene) -> None:
@@ -46,7 +47,7 @@ class DeviceScene:
         self.triangle_stride = _rounded(self.triangles)
         self.positions = runtime.array(planar(scene.positions))
         self.uvs = runtime.array(planar(scene.uvs))
-        self.corners = runtime.array(planar(scene.triangles))
+        self.corners = runtime.array(planar(np.column_stack([scene.triangles, scene.culled_backs])))
         # What is read for one triangle at a time lies together.
         none, (u, v) = np.zeros(self.vertices, np.float32), scene.uvs.T
         parts = [scene.positions, none, scene.normals, u, scene.colors, v]
@@ -75,6 +76,7 @@ class DeviceScene:
         self.emits = any(m.emits for m in used)
         self.glossy = any(m.is_glossy for m in used)
         self.has_cutouts = bool((cutouts >= 0).any())
+        self.culls = scene.culls
 
 
 SRGB_TO_LINEAR = srgb_to_linear(np.arange(256) / 255.0).astype(np.float32)

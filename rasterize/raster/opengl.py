@@ -18,6 +18,7 @@ from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.errors import SsgiError
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.rasterize.raster.opengl_context import context
+from ssgi_cl.rasterize.raster.raster_view import back_area
 
 PEEL_FACTOR = 1.0 + 1e-5
 """A surface belongs to the next layer if it is deeper than the layer before by this factor."""
@@ -97,7 +98,7 @@ def gbuffer_arrays(scene: Scene, camera: Camera, layers: int = 1) -> dict[str, N
     """Draw `scene` as `camera` sees it.
 
     Args:
-        scene: the triangles; none is culled for facing away.
+        scene: the triangles; the backs of those that lack one are culled.
         camera: any; an orthographic one sees nothing behind its own plane.
         layers: depth layers from front to back, 1 to 16. A surface belongs to the next layer if it
             is deeper than the layer before by more than a factor of 1 + 1e-5.
@@ -189,7 +190,8 @@ class _Drawing:
         gl.glViewport(0, 0, columns, rows)
         gl.glEnable(gl.GL_DEPTH_TEST)
         gl.glDepthFunc(gl.GL_LESS)
-        gl.glDisable(gl.GL_CULL_FACE)
+        # The image is upside down, so that its row 0 is on top.
+        gl.glFrontFace(gl.GL_CW if back_area(camera) > 0 else gl.GL_CCW)
 
     def layer(self, number: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Draw the layers in order, from 0.
@@ -215,6 +217,7 @@ class _Drawing:
             self._set("u_albedo", (*material.albedo, material.alpha))
             self._set("u_cutoff", material.alpha_cutoff)
             self._set("u_material", index + 1.0)
+            (gl.glDisable if material.double_sided else gl.glEnable)(gl.GL_CULL_FACE)
             self._bind(2, self._textures.get(material.texture, self._table))
             offset = ctypes.c_void_p(start * 3 * 4)
             gl.glDrawElements(gl.GL_TRIANGLES, 3 * count, gl.GL_UNSIGNED_INT, offset)

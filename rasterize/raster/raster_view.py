@@ -22,7 +22,7 @@ VIEW = Struct(
     (
         *floats(*_PLACE, "columns", "rows", "near_depth", "far_depth", "furthest_d", "peel", "matt"),
         *ints("tiles_x", "tiles_y", "capacity", "pair_capacity", "vertex_stride", "triangle_stride"),
-        *ints("layer", "margin_x", "margin_y"),
+        *ints("layer", "margin_x", "margin_y", "back"),
     ),
 )
 STRUCTS = (CAMERA, VIEW)
@@ -49,5 +49,12 @@ def view_values(scene: DeviceScene, camera: Camera, target: DeviceGBuffer, **val
         "layer": 0,
         "margin_x": target.margin[1],
         "margin_y": target.margin[0],
+        "back": back_area(camera) if scene.culls else 0,
         **values,
     }
+
+
+def back_area(camera: Camera) -> int:
+    """Return the sign that areas of triangles have in pixels, rows downwards, where their back is seen."""
+    across, down = camera.pixel_to_view[:2]
+    return 1 if across * down < 0.0 else -1

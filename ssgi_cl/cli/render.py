@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 
 _OUTDOORS = (DirectionalLight, Environment)
 """Lights that --environment replaces."""
+_CULL = {"file": None, "all": True, "none": False}
 _AS_GIVEN = (
     *("preset", "indirect", "method", "vpls", "glossy_vpls", "indirect_ao", "layers", "auxiliary_cameras"),
     *("ao_samples", "shadow_size", "rsm_size", "exposure"),
@@ -73,6 +74,14 @@ _AS_GIVEN = (
     "forward, up (world space) and fov_deg (horizontal). By default the file named like "
     "SCENE with .scene.json at its end, else SCENE's first camera, else one that shows "
     "the scene well.",
+)
+@click.option(
+    "--cull",
+    type=click.Choice(list(_CULL)),
+    default="file",
+    show_default=True,
+    help="Which back faces of SCENE are not there, for cameras and lights: as the file says (glTF: those of "
+    "materials that are not double-sided), all, or none.",
 )
 @click.option("--no-textures", is_flag=True, help="Draw materials with their factors alone.")
 @click.option("--ambient", type=float, help="Add a constant environment of this radiance, W m^-2 sr^-1.")
@@ -326,7 +335,7 @@ def _from_file(
         file = Path(options["camera"])
         if file.suffix.lower() == ".json" or file.is_file():
             camera = _camera_file(file, options)
-    scene = load_scene(path, textures=not options.get("no_textures"))
+    scene = load_scene(path, textures=not options.get("no_textures"), cull=_CULL[options.get("cull", "file")])
     camera = camera or _camera_of(scene, path, options, runtime)
     lights = scene.lights or default_lights(scene, camera, runtime, emission=_whole(options))
     return scene, camera, lights, None

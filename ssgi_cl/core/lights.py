@@ -110,6 +110,14 @@ class Environment(Immutable):
             value = checks.rgb("radiance", radiance, "W m^-2 sr^-1", high=MOST_RADIANCE)
         _set(self, "radiance", value)
 
+    def __repr__(self) -> str:
+        radiance = np.asarray(self.radiance)
+        if radiance.ndim == 1:
+            return f"Environment(radiance={radiance.tolist()})"
+        rows, columns = radiance.shape[:2]
+        mean = ", ".join(f"{value:.4g}" for value in radiance.mean(axis=(0, 1)))
+        return f"Environment of {rows} x {columns} texels, mean radiance ({mean}) W m^-2 sr^-1"
+
     @staticmethod
     def load(path: str | os.PathLike[str]) -> Environment:
         """Return the environment of a latitude-longitude image file.

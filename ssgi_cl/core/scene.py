@@ -39,6 +39,9 @@ class Material:
         transmission: [3] share of light in [0, 1] that passes straight through what is there, as
             through thin glass; where albedo, specular and it are more than 1 together, it counts as
             what the others leave.
+        double_sided: whether its back is there. Otherwise a camera, and a light or a sky, sees what is
+            behind its triangles where they turn their back on it, and so do rays that look for
+            surfaces; it emits to its front alone (glTF 2.0, 3.9.6).
     """
 
     name: str = ""
@@ -51,6 +54,7 @@ class Material:
     gloss: float = 1.0
     blends: bool = False
     transmission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    double_sided: bool = True
 
     def __post_init__(self) -> None:
         for name, high in (("albedo", 1.0), ("emission", checks.MOST_LIGHT), ("specular", 1.0), ("transmission", 1.0)):
@@ -61,6 +65,7 @@ class Material:
         checks.number("alpha", self.alpha, low=0, high=1)
         checks.number("gloss", self.gloss, low=1, high=1e6)
         checks.switch("blends", self.blends)
+        checks.switch("double_sided", self.double_sided)
 
     @property
     def has_holes(self) -> bool:
@@ -204,6 +209,16 @@ class Scene(Immutable):
     def is_seen_through(self) -> bool:
         """Whether whole frames show what is behind some of it, see `ssgi_cl.core.scene_parts`."""
         return any(material.is_seen_through for material in self.used_materials)
+
+    @cached_property
+    def culled_backs(self) -> NDArray[np.bool_]:
+        """[triangles] whether the back of each is not there, see `Material.double_sided`."""
+        return np.array([not material.double_sided for material in self.materials])[self.material_ids]
+
+    @cached_property
+    def culls(self) -> bool:
+        """Whether the back of any triangle is not there."""
+        return bool(self.culled_backs.any())
 
     @cached_property
     def bounds(self) -> NDArray[np.float64]:

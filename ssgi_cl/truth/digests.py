@@ -55,8 +55,10 @@ def scene_digest(scene: Scene) -> str:
 
 
 def _material(material: Material) -> dict[str, Any]:
-    """Return its fields; those that tell what is seen through it only where there is anything."""
+    """Return its fields; those of what is seen through it, and of its back, only where they are not the default."""
     values = _values(material)
+    if material.double_sided:
+        del values["double_sided"]
     if not material.is_seen_through:
         del values["blends"], values["transmission"]
     return values

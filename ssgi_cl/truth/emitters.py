@@ -14,7 +14,7 @@ Doubles = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Emitters:
-    """The emissive triangles of a scene that samples are drawn from: both sides of each emit.
+    """The emissive triangles of a scene that samples are drawn from.
 
     A triangle is chosen by area times mean radiance, so that the density of a point is
     proportional to its radiance. Surfaces with alpha cut-outs, and such as are seen through, are
@@ -28,6 +28,7 @@ class Emitters:
         density: [m], of a point on each triangle, per area.
         material_density: [materials], the same on surfaces of each material; 0 where none is
             drawn.
+        backless: [m], whether the back is not there and does not emit.
     """
 
     corner: Doubles
@@ -37,6 +38,7 @@ class Emitters:
     cumulative: Doubles
     density: Doubles
     material_density: Doubles
+    backless: NDArray[np.bool_]
 
     @classmethod
     def of(cls, scene: Scene) -> Emitters:
@@ -54,8 +56,16 @@ class Emitters:
         flux = area[area > 0.0] * brightness[material]
         total = max(float(flux.sum()), 1e-300)
         density = brightness / total if len(chosen) else np.zeros(len(brightness))
+        backless = np.array([not m.double_sided for m in scene.materials])[material]
         return cls(
-            corners[:, 0], first, second, emission[material], np.cumsum(flux) / total, density[material], density
+            corners[:, 0],
+            first,
+            second,
+            emission[material],
+            np.cumsum(flux) / total,
+            density[material],
+            density,
+            backless,
         )
 
     def __len__(self) -> int:

@@ -58,6 +58,9 @@ TRANSMISSION = "face_transmission"
 BLENDS = "face_blends"
 """Mesh attribute: 1 for a triangle whose opacity is a share of its surface, else 0."""
 
+BACKLESS = "face_backless"
+"""Mesh attribute, of scenes that cull: 1 for a triangle without a back, else 0."""
+
 DENSITY = "face_emission_density"
 """Mesh attribute: density of a sample at a point of an emissive triangle, per area."""
 
@@ -71,7 +74,8 @@ _FOLDERS = (
 class MitsubaScene:
     """A scene with its lights in Mitsuba.
 
-    Mitsuba's own integrators take it too, but for cut-outs, where they make opacity a probability.
+    Mitsuba's own integrators take it too, but for cut-outs, where they make opacity a probability,
+    and for backs that are not there, which they see.
     Emission of surfaces is left out unless asked for: light comes from lights alone.
 
     Attributes:
@@ -80,6 +84,7 @@ class MitsubaScene:
         scene: the `mitsuba.Scene`. Its shapes have the attribute `SIZE`.
         has_holes: whether a texture's alpha cuts something out.
         blends: whether something is seen through, and asked for.
+        culls: whether shapes have the attribute `BACKLESS`.
         has_sky_image: whether the environment is an image.
     """
 
@@ -88,6 +93,7 @@ class MitsubaScene:
     scene: Any
     has_holes: bool
     blends: bool
+    culls: bool
     has_sky_image: bool
 
     @classmethod
@@ -135,6 +141,8 @@ class MitsubaScene:
                     values |= {SPECULAR: material.specular, GLOSS: material.gloss}
                 if blends and through == "attributes":
                     values |= {TRANSMISSION: material.transmitted, BLENDS: material.blends}
+                if scene.culls:
+                    values |= {BACKLESS: not material.double_sided}
                 count = int(np.count_nonzero(scene.material_ids == index))
                 for name, value in values.items():
                     each = np.atleast_1d(np.asarray(value, np.float32))
@@ -153,6 +161,7 @@ class MitsubaScene:
                 mi.load_dict(parts),
                 any(m.has_holes for m in scene.used_materials),
                 blends,
+                scene.culls,
                 any(sky.ndim == 3 for sky in skies),
             )
 

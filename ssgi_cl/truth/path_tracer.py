@@ -15,7 +15,7 @@ from ssgi_cl.core.camera_rays import depths_in_sphere, visibility_rays
 from ssgi_cl.core.lights import Light
 from ssgi_cl.core.sampling import r_points
 from ssgi_cl.core.scene import Scene
-from ssgi_cl.truth.mitsuba_scene import GLOSS, HOLE, SIZE, SPECULAR, MitsubaScene
+from ssgi_cl.truth.mitsuba_scene import BACKLESS, GLOSS, HOLE, SIZE, SPECULAR, MitsubaScene
 
 Doubles = NDArray[np.float64]
 Floats = NDArray[np.float32]
@@ -217,9 +217,12 @@ class PathTracer(ABC):
         axis = _turned(dr, axis, normal)
         return Surface(there, si.p, normal, axis, OFFSET * size, albedo, *lobe), si
 
-    def _past_holes(self, ray: Any, active: Any) -> Any:
-        """Return the ray, started behind all holes that it meets first."""
-        if not self._world.has_holes:
+    def _past_holes(self, ray: Any, active: Any, *, to_light: bool = False) -> Any:
+        """Return the ray, started behind all holes, and backs that are not there, that it meets first.
+
+        `to_light`: light comes the other way, and meets fronts where the ray meets backs.
+        """
+        if not self._world.has_holes and not self._world.culls:
             return ray
         mi, dr = self.mi, self.dr
 
@@ -227,8 +230,10 @@ class PathTracer(ABC):
             si = self._world.scene.ray_intersect(mi.Ray3f(start, ray.d, length, 0.0, []), searching)
             hole = searching & si.is_valid()
             if hole is not False:
-                through = si.bsdf().eval_null_transmission(si, hole)[0]
-                hole &= through > 1.0 - HOLE
+                cut = mi.Bool(False)
+                if self._world.has_holes:
+                    cut |= si.bsdf().eval_null_transmission(si, hole)[0] > 1.0 - HOLE
+                hole &= cut | self.from_behind(si, ray.d, hole, to_light=to_light)
                 size = si.shape.eval_attribute_1(SIZE, si, hole)
                 behind = si.p - _turned(dr, si.n, -ray.d) * (OFFSET * size)
                 start = dr.select(hole, behind, start)
@@ -240,9 +245,16 @@ class PathTracer(ABC):
         )
         return mi.Ray3f(start, ray.d, length, 0.0, [])
 
-    def _blocked(self, start: Any, way: Any, length: Any, active: Any) -> Any:
+    def from_behind(self, si: Any, way: Any, active: Any, *, to_light: bool = False) -> Any:
+        """Return whether rays meet a back that is not there; `to_light` as of `_past_holes`."""
+        if not self._world.culls:
+            return self.mi.Bool(False)
+        along = self.dr.dot(si.n, -way if to_light else way)
+        return (along > 0.0) & (si.shape.eval_attribute_1(BACKLESS, si, active) > 0.5)
+
+    def _blocked(self, start: Any, way: Any, length: Any, active: Any, *, to_light: bool) -> Any:
         """Return whether something lies on the way."""
-        ray = self._past_holes(self.mi.Ray3f(start, way, length, 0.0, []), active)
+        ray = self._past_holes(self.mi.Ray3f(start, way, length, 0.0, []), active, to_light=to_light)
         return self._world.scene.ray_test(ray, active)
 
     # ---- light
@@ -289,10 +301,13 @@ class PathTracer(ABC):
             total += dr.select(cosine > 0.0, strength * cosine, 0.0)
         return total
 
-    def arriving(self, at: Surface, way: Any, distance: Any) -> Any:
-        """Return the cosine of a direction, or 0 where light from there does not arrive."""
+    def arriving(self, at: Surface, way: Any, distance: Any, *, to_light: bool = True) -> Any:
+        """Return the cosine of a direction, or 0 where light from there does not arrive.
+
+        It passes backs that are not there as a light or a sky sees them, or else as the surface does.
+        """
         cosine, faces = self.facing(at, way)
-        return self.dr.select(self._blocked(at.front, way, distance, faces), 0.0, cosine)
+        return self.dr.select(self._blocked(at.front, way, distance, faces, to_light=to_light), 0.0, cosine)
 
     def facing(self, at: Surface, way: Any) -> tuple[Any, Any]:
         """Return the cosine of a direction, 0 where it is below the surface, and where not."""

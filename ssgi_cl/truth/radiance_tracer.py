@@ -66,7 +66,7 @@ class RadianceTracer(PathTracer):
             (emitter, lights[int(emitter.id().removeprefix("light_"))]) for emitter in self._punctual_lights
         ]
         self._soft = any(light_extent(light) > 0.0 for _, light in self._punctual)
-        names = ("corner", "first", "second", "radiance", "cumulative", "density")
+        names = ("corner", "first", "second", "radiance", "cumulative", "density", "backless")
         jit = self.dr.is_jit_v(self.mi.Float)
         self._tables = {name: self.mi.Float(np.float32(getattr(self._emitters, name)).ravel()) for name in names if jit}
         # Continuation, environment image, emission, place in the pixel.
@@ -179,7 +179,8 @@ class RadianceTracer(PathTracer):
             cosine = dr.dot(at.axis, way)
             active &= (dr.dot(at.normal, way) > 0.0) & (cosine > 0.0)
             density = self._density(at, mirrored, way, cosine)
-            weight = weight * self._reflected(at, mirrored, way, cosine)
+            reflected = self._reflected(at, mirrored, way, cosine)
+            weight = weight * reflected
             # A path that has ended must not grow without bounds beside those that go on.
             weight = dr.select(active & (density > 0.0), weight / density, 0.0)
             # Russian roulette by what the path still carries.
@@ -194,8 +195,11 @@ class RadianceTracer(PathTracer):
             met, si, dimmed, rng = self._met(mi.Ray3f(at.front, way, math.inf, 0.0, []), active, rng)
             weight = weight * dimmed
             if self._sky is not None:
-                escapes = dr.select(met.there, False, active)
-                total += weight * self._environment(at, way, density, escapes)
+                escapes, share = dr.select(met.there, False, active), mi.Color3f(1.0)
+                if self._world.culls:
+                    share = self._sky_share(at, mirrored, way, cosine, reflected, active, escapes)
+                    escapes = active
+                total += weight * share * self._environment(at, way, density, escapes)
             if self._emits:
                 total += weight * self._met_emission(at, met, si, way, density)
             active &= met.there & goes_on
@@ -214,7 +218,7 @@ class RadianceTracer(PathTracer):
         mi, dr = self.mi, self.dr
 
         def step(start: Any, length: Any, weight: Any, crossed: Any, searching: Any, rng: Any) -> Any:
-            found, opacity, through, behind = self._crossed(start, ray.d, length, searching)
+            found, opacity, through, behind = self._crossed(start, ray.d, length, searching, to_light=False)
             share = dr.max(through)
             passes = found & (rng.next_float32() < share)
             kept = dr.select(passes, through / dr.maximum(share, 1e-20), opacity / dr.maximum(1.0 - share, 1e-20))
@@ -230,9 +234,9 @@ class RadianceTracer(PathTracer):
         )  # fmt: skip
         return *self.first_hit(mi.Ray3f(start, ray.d, length, 0.0, []), active), weight, rng
 
-    def _crossed(self, start: Any, way: Any, length: Any, active: Any) -> tuple[Any, ...]:
+    def _crossed(self, start: Any, way: Any, length: Any, active: Any, *, to_light: bool) -> tuple[Any, ...]:
         """Return whether a ray meets anything, which share of that surface is there, the share of
-        light [3] that passes, and the distance of the point behind."""
+        light [3] that passes, and the distance of the point behind; `to_light` as of `_past_holes`."""
         mi, dr = self.mi, self.dr
         si = self._world.scene.ray_intersect(mi.Ray3f(start, way, length, 0.0, []), active)
         found = active & si.is_valid()
@@ -241,6 +245,7 @@ class RadianceTracer(PathTracer):
             opacity = 1.0 - si.bsdf().eval_null_transmission(si, found)[0]
             blends = si.shape.eval_attribute_1(BLENDS, si, found) > 0.5
             opacity = dr.select(blends, opacity, dr.select(opacity < HOLE, 0.0, 1.0))
+            opacity = dr.select(self.from_behind(si, way, found, to_light=to_light), 0.0, opacity)
             own = mi.Color3f(si.shape.eval_attribute_3(TRANSMISSION, si, found))
             through = (1.0 - opacity) + opacity * own
             size = si.shape.eval_attribute_1(SIZE, si, found)
@@ -249,15 +254,15 @@ class RadianceTracer(PathTracer):
             behind = si.t + passed
         return found, opacity, through, behind
 
-    def _arriving(self, at: Surface, way: Any, distance: Any) -> tuple[Any, Any]:
+    def _arriving(self, at: Surface, way: Any, distance: Any, *, to_light: bool = True) -> tuple[Any, Any]:
         """Return what `arriving` does, and the share of the light that is let through."""
         if not self._world.blends:
-            return self.arriving(at, way, distance), 1.0
+            return self.arriving(at, way, distance, to_light=to_light), 1.0
         mi, dr = self.mi, self.dr
         cosine, faces = self.facing(at, way)
 
         def step(start: Any, length: Any, weight: Any, searching: Any) -> Any:
-            found, _, through, behind = self._crossed(start, way, length, searching)
+            found, _, through, behind = self._crossed(start, way, length, searching, to_light=to_light)
             weight = dr.select(found, weight * through, weight)
             start = dr.select(found, start + behind * way, start)
             length = dr.select(found, length - behind, length)
@@ -282,15 +287,17 @@ class RadianceTracer(PathTracer):
         dr = self.dr
         return dr.max(at.specular) / dr.maximum(dr.max(at.specular) + dr.max(at.albedo), 1e-20)
 
-    def _reflected(self, at: Surface, mirrored: Any, way: Any, cosine: Any) -> Any:
+    def _reflected(self, at: Surface, mirrored: Any, way: Any, cosine: Any, mirrors: Any = True) -> Any:
         """Return radiance reflected to the eye over radiance from a direction, per solid angle.
 
-        `cosine` is the direction's, 0 where nothing arrives from there.
+        `cosine` is the direction's, 0 where nothing arrives from there; lobes reflect where it
+        `mirrors`, by default wherever anything arrives.
         """
         diffuse = at.albedo * (cosine / math.pi)
         if not self.lobes:
             return diffuse
-        lobe = self.dr.select(cosine > 0.0, self._lobe(at, mirrored, way), 0.0)
+        sees = cosine > 0.0 if mirrors is True else mirrors
+        lobe = self.dr.select(sees, self._lobe(at, mirrored, way), 0.0)
         return diffuse + at.specular * lobe
 
     def _density(self, at: Surface, mirrored: Any, way: Any, cosine: Any) -> Any:
@@ -349,9 +356,25 @@ class RadianceTracer(PathTracer):
         here.p = at.point
         to, strength = self._sky.sample_direction(here, mi.Point2f(u, v), at.there)
         cosine, through = self._arriving(at, to.d, math.inf)
-        density = self._density(at, mirrored, to.d, cosine)
+        mirrors, facing = True, cosine
+        if self._world.culls:
+            mirrors = self._arriving(at, to.d, math.inf, to_light=False)[0] > 0.0
+            facing = self.facing(at, to.d)[0]
+        density = self._density(at, mirrored, to.d, facing)
         share = to.pdf / dr.maximum(to.pdf + density, 1e-20)
-        return strength * self._reflected(at, mirrored, to.d, cosine) * share * through
+        return strength * self._reflected(at, mirrored, to.d, cosine, mirrors) * share * through
+
+    def _sky_share(
+        self, at: Surface, mirrored: Any, way: Any, cosine: Any, reflected: Any, active: Any, escapes: Any
+    ) -> Any:
+        """Return the share [3] of what is reflected from a direction that the sky there takes part in.
+
+        Matt surfaces are lit past backs that a sky sees, as by a light; lobes show what is seen: that
+        of rays that escape.
+        """
+        lit = self._arriving(at, way, math.inf)[0] > 0.0
+        arrived = self._reflected(at, mirrored, way, self.dr.select(lit & active, cosine, 0.0), escapes)
+        return arrived / self.dr.maximum(reflected, 1e-30)
 
     def _environment(self, at: Surface, way: Any, density: Any, escapes: Any) -> Any:
         """Return radiance of the environment along a direction of that density, weighted."""
@@ -380,7 +403,10 @@ class RadianceTracer(PathTracer):
         squared = dr.maximum(dr.squared_norm(to), 1e-30)
         distance = dr.sqrt(squared)
         way = to / distance
-        cosine, through = self._arriving(at, way, distance)
+        cosine, through = self._arriving(at, way, distance, to_light=False)
+        if self._emitters.backless.any():
+            seen_front = (side > 0.0) | (self._entry("backless", index) < 0.5)
+            cosine = dr.select(seen_front, cosine, 0.0)
         density = self._density(at, mirrored, way, cosine)
         n_dot_w = dr.abs(dr.dot(normal, way))
         own = self._entry("density", index) * squared / dr.maximum(n_dot_w, 1e-12)

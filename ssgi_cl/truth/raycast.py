@@ -76,6 +76,7 @@ class RayCaster:
         self._positions = (scene.positions * np.float64(self.scale)).astype(np.float32)
         self._triangles = scene.triangles
         self._normals = scene.normals
+        self._backless = scene.culled_backs if scene.culls else None
         self._rays = rtcore_scene.EmbreeScene(robust=True)
         mesh_construction.TriangleMesh(self._rays, self._positions, self._triangles)
         self._rays.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))  # builds the tree
@@ -96,11 +97,10 @@ class RayCaster:
         seen = (near < far) & np.isfinite(depth)
         start, along, pixel, length = start[seen], along[seen], pixel[seen], length[seen]
         near, far, depth = near[seen], far[seen], depth[seen]
-        hit = self._rays.run(
+        hit = self._first_hit(
             (start + near[:, None] * along).astype(np.float32),
             (along / length[:, None]).astype(np.float32),
             ((far - near) * length).astype(np.float32),
-            output=1,
         )
         met = hit["primID"] != -1
         if gbuffer is None:
@@ -128,15 +128,59 @@ class RayCaster:
     def blocked(self, start: Floats, way: Floats, reach: Floats) -> NDArray[np.bool_]:
         """Return whether rays [n, 3] of unit length meet anything within `reach` [n].
 
-        In the caster's coordinates; a ray of negative reach is not traced and meets nothing.
+        In the caster's coordinates; a ray of negative reach is not traced and meets nothing. A ray
+        passes triangles without a back that it meets from behind.
         """
+        if self._backless is not None:
+            return np.asarray(self._first_hit(start, way, reach)["primID"] != -1)
         found: NDArray[np.bool_] = self._rays.run(start, way, reach, query="OCCLUDED") != -1
         return found
 
     def distance(self, start: Floats, way: Floats, reach: Floats) -> Floats:
         """Return how far rays go, like `blocked`; at least `reach` where they meet nothing."""
+        if self._backless is not None:
+            hit = self._first_hit(start, way, reach)
+            return np.where(hit["primID"] != -1, hit["tfar"], reach).astype(np.float32)
         found: Floats = self._rays.run(start, way, reach, query="DISTANCE")
         return found
+
+    def _first_hit(self, start: Floats, way: Floats, reach: Floats) -> dict[str, Any]:
+        """Return what rays [n, 3] meet first, backs that are not there aside, as embreex has it."""
+        hit: dict[str, Any] = self._rays.run(start, way, reach.copy(), output=1)  # which it overwrites
+        if self._backless is None:
+            return hit
+        passed = np.zeros(len(reach), np.float64)  # of the way
+        active = np.arange(len(reach))
+        found = hit
+        while True:
+            active, again = self._behind(found, active, way)
+            if not len(active):
+                return hit
+            # As far beyond as rays start above their surface.
+            passed[active] += found["tfar"][again] + OFFSET * self._magnitude(found["primID"][again])
+            onward = (start[active] + passed[active, None] * way[active]).astype(np.float32)
+            left = (reach[active] - passed[active]).astype(np.float32)
+            found = self._rays.run(onward, way[active], left, output=1)
+            for name in ("u", "v", "primID"):
+                hit[name][active] = found[name]
+            hit["tfar"][active] = passed[active] + found["tfar"]
+
+    def _behind(
+        self, found: dict[str, Any], rays: NDArray[np.intp], way: Floats
+    ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Return those of the numbered `rays` that meet a back that is not there, and their places in `found`."""
+        assert self._backless is not None  # noqa: S101  asked of scenes that lack backs alone
+        number = found["primID"]
+        maybe = np.flatnonzero((number != -1) & self._backless[number])
+        corner = self._positions[self._triangles[number[maybe]]].astype(np.float64)
+        normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+        again = maybe[np.einsum("nc,nc->n", normal, way[rays[maybe]]) > 0.0]
+        return rays[again], again
+
+    def _magnitude(self, triangle: NDArray[np.integer]) -> Doubles:
+        """Return the greatest coordinate plus the extent of triangles."""
+        corner = self._positions[self._triangles[triangle]].astype(np.float64)
+        return np.asarray(np.abs(corner).max(axis=(1, 2)) + np.ptp(corner, axis=1).max(axis=1))
 
     def _surface(self, hit: dict[str, Any], met: NDArray[np.bool_]) -> tuple[Doubles, Doubles, Doubles, Doubles]:
         """Return point, normal of the triangle, mesh's normal (or 0) and size of coordinates."""

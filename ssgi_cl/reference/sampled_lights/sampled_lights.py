@@ -62,7 +62,9 @@ def depth_map(scene: Scene, matrix: Doubles, texels: int) -> Doubles:
     corners = scene.positions[scene.triangles].astype(np.float64) @ matrix[:, :3].T + matrix[:, 3]
     depth = np.full((texels, texels), np.inf)
     y, x = np.mgrid[:texels, :texels] + 0.5
-    for (ax, ay, az), (bx, by, bz), (cx, cy, cz) in corners:
+    for ((ax, ay, az), (bx, by, bz), (cx, cy, cz)), no_back in zip(corners, scene.culled_backs, strict=True):
+        if no_back and (bx - ax) * (cy - ay) - (cx - ax) * (by - ay) < 0:
+            continue  # rows run upwards as seen from the light
         a = (bx - x) * (cy - y) - (cx - x) * (by - y)
         b = (cx - x) * (ay - y) - (ax - x) * (cy - y)
         c = (ax - x) * (by - y) - (bx - x) * (ay - y)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,7 +120,7 @@ def _cross(scene: Scene, chosen: slice | NDArray[np.intp]) -> tuple[Doubles, Dou
 
 
 def scene_surfels(scene: Scene, count: int, shares: TriangleShares | None = None) -> Surfels:
-    """Return surfels on both sides of all triangles, of equal area but where surfaces emit.
+    """Return surfels on both sides of all triangles that have both, of equal area but where surfaces emit.
 
     Points are drawn in proportion to `TriangleShares`, stratified over the list of triangles and,
     within one, by the R sequence (Roberts 2018). Sorted along a curve, each `PARTS` of them are a
@@ -130,19 +132,23 @@ def scene_surfels(scene: Scene, count: int, shares: TriangleShares | None = None
         shares: of the scene's triangles, where they are known.
 
     Returns:
-        An even number of surfels, at most count + 24; none if all triangles have no area.
+        At most count + 48 surfels, an even number if all triangles have a back; none if none has an area.
     """
-    points = _points(scene, PARTS * max(count // 2, 1), shares or TriangleShares.of(scene))
+    shares = shares or TriangleShares.of(scene)
+    backs = float(shares.area[~scene.culled_backs].sum()) / max(float(shares.area.sum()), 1e-300)
+    *points, double = _points(scene, PARTS * max(int(count / (1.0 + backs)), 1), shares)
     if not len(points[2]):
         none = np.zeros((0, 3))
         lines = [none, none, np.zeros(0), none, none]
         return Surfels(np.asarray(scene.origin), *lines, *lines)
     low, high = scene.bounds - scene.origin
-    kind = _axis(points[1]) + 6 * points[4].any(axis=1)
+    kind = _axis(points[1]) + 6 * points[4].any(axis=1) + 12 * ~double
     key = kind * np.int64(1 << 3 * CURVE_BITS) + curve_numbers(points[0], low, high)
     order = np.argsort(key, kind="stable")
     first = _surfels(np.asarray(scene.origin), points, order, key >> 3 * CURVE_BITS)
-    other = replace(first, normal=-first.normal, part_normal=-first.part_normal)
+    # Those of a kind are filled up by themselves, and come one kind after the other.
+    both = first.chosen(np.arange(-(-np.bincount(kind, minlength=24)[:12] // PARTS).sum()))
+    other = replace(both, normal=-both.normal, part_normal=-both.part_normal)
     names = (*_OWN, *(f"part_{name}" for name in _OWN))
     joined = {name: np.concatenate([getattr(first, name), getattr(other, name)]) for name in names}
     whole = Surfels(origin=first.origin, **joined)
@@ -152,13 +158,14 @@ def scene_surfels(scene: Scene, count: int, shares: TriangleShares | None = None
     return whole.chosen(np.argsort(key, kind="stable"))
 
 
-def _points(scene: Scene, count: int, shares: TriangleShares) -> tuple[Doubles, Doubles, Doubles, Doubles, Doubles]:
-    """Return position, normal, area, albedo and emission of points on one side of the triangles."""
+def _points(scene: Scene, count: int, shares: TriangleShares) -> tuple[Any, ...]:
+    """Return position, normal, area, albedo and emission of points on the front of the triangles, and whether
+    these have a back."""
     ends = shares.ends
     total = float(ends[-1])
     if not total > 0.0:
         none = np.zeros((0, 3))
-        return none, none, np.zeros(0), none, none
+        return none, none, np.zeros(0), none, none, np.zeros(0, np.bool_)
     wanted = (np.arange(count) + 0.5) * (total / count)
     triangle = np.minimum(np.searchsorted(ends, wanted, "right"), len(ends) - 1)
     u, v = r_points(0, count, 2).T
@@ -193,9 +200,9 @@ def _points(scene: Scene, count: int, shares: TriangleShares) -> tuple[Doubles, 
         area[own] *= shares.area[shares.emits == kind].sum() / max(float(area[own].sum()), 1e-300)
     values = (
         mixed(scene.positions), cross / np.maximum(double, 1e-300)[:, None],
-        area, np.clip(albedo, 0.0, 1.0), emission,
+        area, np.clip(albedo, 0.0, 1.0), emission, ~scene.culled_backs[triangle],
     )  # fmt: skip
-    return tuple(value[there] for value in values)  # type: ignore[return-value]
+    return tuple(value[there] for value in values)
 
 
 def _nearest(texels: NDArray[np.uint8], uvs: Doubles) -> NDArray[np.uint8]:
@@ -248,9 +255,9 @@ def curve_numbers(points: Doubles, low: Doubles, high: Doubles) -> NDArray[np.in
     return number
 
 
-def _surfels(origin: Doubles, points: tuple[Doubles, ...], order: NDArray[np.intp], kind: NDArray[np.int64]) -> Surfels:
+def _surfels(origin: Doubles, points: Sequence[Doubles], order: NDArray[np.intp], kind: NDArray[np.int64]) -> Surfels:
     """Return surfels of each `PARTS` consecutive points; those of different kinds do not mix."""
-    counts = np.bincount(kind, minlength=12)
+    counts = np.bincount(kind, minlength=24)
     firsts = np.cumsum(counts) - counts
     index, real = [], []
     for first, own in zip(firsts, counts, strict=True):

@@ -98,7 +98,6 @@ class SampledLights(Prepared[SampledLightsParams]):
         self._params = params = params or SampledLightsParams()
         self._irradiance = Target(runtime, 3, size, kept=kept)
         self._blur = Bilateral(runtime, size, _blur_params(params.blur), 3, kept=kept)
-        self._depth = runtime.kernel("sampled_lights/sampled_depth.cl", {"SAMPLED_BATCH": BATCH})
         self._cutouts = runtime.kernel("sampled_lights/sampled_cutouts.cl")
         self._light = runtime.kernel(
             "sampled_lights/sampled_lights.cl", {"SAMPLED_COUNT": params.count // PATTERN}, (CAMERA,)
@@ -160,12 +159,13 @@ class SampledLights(Prepared[SampledLightsParams]):
         runtime, texels, count = self.runtime, self.params.map_size, self.params.count
         triangles = len(scene.triangles)
         stride = -(-triangles // 16) * 16
-        planar = np.zeros((9, stride), np.float32)
+        planar = np.zeros((9 + scene.culls, stride), np.float32)
         corners = scene.positions[scene.triangles]
         has_holes = np.array([m.has_holes for m in scene.materials])
         holes = np.flatnonzero(has_holes[scene.material_ids])
         corners[holes] = corners[holes, :1]  # these are drawn by themselves
-        planar[:, :triangles] = corners.reshape(triangles, 9).T
+        planar[:9, :triangles] = corners.reshape(triangles, 9).T
+        planar[9:, :triangles] = scene.culled_backs
         uploaded = runtime.transient.array(planar.size, np.float32)
         uploaded.upload(planar)
         self._views, self._diagonals = sample_views(self._directions, scene.bounds - scene.origin, texels)
@@ -179,7 +179,8 @@ class SampledLights(Prepared[SampledLightsParams]):
         rows, each = batches, 1
         if runtime.variant.lanes > 1:  # see the kernel
             rows, each = 1, max(count // (ITEMS * runtime.info.units), 1)
-        self._depth.run(
+        macros = {"SAMPLED_BATCH": BATCH, "SAMPLED_CULL": int(scene.culls)}
+        runtime.kernel("sampled_lights/sampled_depth.cl", macros).run(
             (batches, count),
             grid=(rows, -(-count // each)),
             local=(1, 1),

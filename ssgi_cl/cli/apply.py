@@ -16,12 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.depth_kind import KINDS, planar_of
 from ssgi_cl.core.depth_maps import world_normals
 from ssgi_cl.core.errors import shown
 from ssgi_cl.core.gbuffer import NAN, GBuffer
 from ssgi_cl.core.keywords import unknown_name
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light
-from ssgi_cl.core.normal_space import ENCODED, SPACES, UnclearSpaceError
+from ssgi_cl.core.normal_space import ENCODED, SAME, SPACES, UnclearSpaceError
 from ssgi_cl.core.params import Params, describe, parameter_fields
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.io import exr
@@ -38,6 +39,7 @@ from ssgi_cl.io.console import (
     yfov_of,
 )
 from ssgi_cl.io.exr_header import ExrHeader, read_headers
+from ssgi_cl.io.exr_layouts import LAYOUTS
 from ssgi_cl.techniques.catalogue import CATALOGUE
 from ssgi_cl.techniques.technique import Technique
 
@@ -56,7 +58,17 @@ OFFERED = {name: each for name, each in CATALOGUE.items() if each.command}
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="The result, .exr.")
 @click.option("--overwrite", is_flag=True, help="Let the output be IN.exr itself: the result is added to its channels.")
 @click.option(
-    "--fov", type=float, help="Vertical field of view of the file's display window in degrees; 50 by default."
+    "--fov",
+    type=float,
+    help="Vertical field of view of the file's display window in degrees; by default the camera in its header, "
+    "else 50.",
+)
+@click.option(
+    "--camera",
+    "camera_file",
+    metavar="FILE",
+    type=click.Path(path_type=Path, exists=True, dir_okay=False),
+    help="JSON file with origin, forward, up (world space) and fov_deg (horizontal), as of `ssgi render`.",
 )
 @click.option(
     "--ortho",
@@ -134,6 +146,28 @@ OFFERED = {name: each for name, each in CATALOGUE.items() if each.command}
     help=f"Space of the file's normals: {', '.join(SPACES)}, each with '{ENCODED}' if they are stored in 0..1. By "
     "default it is found by holding them to the depth.",
 )
+@click.option(
+    "--depth",
+    "depth_kind",
+    type=click.Choice(KINDS),
+    help="Kind of the file's depth. By default planar, ray or inverse, found by planes in it.",
+)
+@click.option(
+    "--depth-range",
+    nargs=2,
+    type=float,
+    metavar="AT0 AT1",
+    help="Depths, in scene units, of the values 0 and 1 of a depth that is remapped to 0..1.",
+)
+@click.option(
+    "--layout", type=NearestChoice(list(LAYOUTS)), help="Program whose conventions IN.exr has; guessed by default."
+)
+@click.option(
+    "--channels",
+    multiple=True,
+    metavar="WHAT=NAME",
+    help="Channel of 'depth', or stem of the channels of 'normal', such as normal=ViewLayer.Normal; several times.",
+)
 @click.option("--layer", metavar="NAME", help="Layer whose channels are read, such as ViewLayer; found by default.")
 @click.option("--part", metavar="NAME", help="Part of a file of several parts; all by default.")
 @device_option
@@ -145,6 +179,7 @@ def apply_command(
     output: Path | None,
     overwrite: bool,
     fov: float | None,
+    camera_file: Path | None,
     ortho: float | None,
     intrinsics: tuple[float, ...] | None,
     settings: tuple[str, ...],
@@ -159,6 +194,10 @@ def apply_command(
     invalid: tuple[float, ...],
     no_normals: bool,
     normal_space: str | None,
+    depth_kind: str | None,
+    depth_range: tuple[float, float] | None,
+    layout: str | None,
+    channels: tuple[str, ...],
     layer: str | None,
     part: str | None,
     device: str | None,
@@ -166,7 +205,8 @@ def apply_command(
 ) -> None:
     """Apply TECHNIQUE to the G-buffer in IN.exr (depth, and normals if it has them).
 
-    Depth is the distance to the camera's plane, in scene units; 1e10 and more is where nothing is.
+    Depth is in scene units, planar (the distance to the camera's plane) or along the view ray, which is found;
+    1e10 and more is where nothing is. The camera is that of the file's header where it has one.
     The space of the normals is found: camera space (+x right, +y up, +z towards the viewer, or with
     other axes), or a world's, as those of `ssgi render` and of Blender; what was read and found is
     printed. The result covers the file's data window, margin included.
@@ -193,49 +233,84 @@ def apply_command(
     asked = {"preset": preset, "error": error, "budget_ms": budget_ms}
     parameters |= {name: value for name, value in asked.items() if value is not None}
     _check_lights(chosen, {"--sky": sky, "--sun": sun, "--lit": lit or None}, asked)
-    if sum(value is not None for value in (fov, ortho, intrinsics)) > 1:
-        raise click.UsageError("--fov, --ortho and --intrinsics exclude each other")
+    if sum(value is not None for value in (fov, ortho, intrinsics, camera_file)) > 1:
+        raise click.UsageError("--fov, --camera, --ortho and --intrinsics exclude each other")
     with progress(as_json) as step:
         step("opening the device")
         runtime = Runtime.open(device)
         step(f"reading {source}")
-        header = read_headers(source)[0]
-        camera = _apply_camera(header, fov, ortho, intrinsics)
+        axes, camera, said = _camera(source, fov, ortho, intrinsics, camera_file)
         with redirect_stdout(StringIO()):  # OpenEXR prints warnings there; errors are raised too
-            arrays = exr.read_gbuffer(source, layer=layer, part=part)
-        notes = list(arrays.pop("notes"))
+            arrays, expected = exr.read_with_kind(
+                source, _given_channels(channels), layer=layer, part=part, layout=layout
+            )
+        notes = [said, *arrays.pop("notes")]
         for number in invalid:
             arrays["depth"][arrays["depth"] == np.float32(number)] = np.inf
+        notes.append(_plane(arrays, camera, depth_kind, expected, depth_range, source))
         # What the technique does not read may hold anything.
         unused = tuple(name for name in ("albedo", "emission") if name not in chosen.reads)
         for name in (*unused, "normal") if no_normals else unused:
             arrays.pop(name, None)
         if "normal" in arrays:
-            arrays["normal"], note = _normals(arrays, camera, normal_space, source)
+            arrays["normal"], note = _normals(arrays, camera, normal_space, source, axes)
             notes.append(note)
         gbuffer = GBuffer(camera=camera, nan=nan, **arrays)  # type: ignore[arg-type]
         step(f"computing {technique}")
-        given: list[Any] = [gbuffer]
+        inputs: list[Any] = [gbuffer]
         if lit_by:
             parameters["radiance"] = _image(source) if lit else None
-            given.append(_lights(sky, sun, none=lit))
-        channels = _channels(chosen, chosen.function(*given, runtime=runtime, **parameters))
+            inputs.append(_lights(sky, sun, none=lit))
+        results = _channels(chosen, chosen.function(*inputs, runtime=runtime, **parameters))
         passes = runtime.times()
         step("writing the file")
         if adds:
-            exr.add(output, channels)
+            exr.add(output, results)
         else:
-            exr.write(output, channels, like=source)
+            exr.write(output, results, like=source)
     report(as_json, runtime, passes, [output], {"width": camera.width, "height": camera.height, "notes": notes})
 
 
-def _normals(arrays: dict[str, Any], camera: Camera, space: str | None, source: Path) -> tuple[Any, str]:
-    """Return the normals of a file in camera space, and a note on what theirs was."""
+def _given_channels(options: tuple[str, ...]) -> dict[str, str | tuple[str, ...]]:
+    """Return the channels of --channels by quantity."""
+    given: dict[str, str | tuple[str, ...]] = {}
+    for text in options:
+        what, equals, name = text.partition("=")
+        if not equals or not name:
+            raise click.UsageError(f"--channels {shown(text)}: expected WHAT=NAME, such as depth=Z")
+        given[what] = name
+    return given
+
+
+def _plane(
+    arrays: dict[str, Any],
+    camera: Camera,
+    kind: str | None,
+    expected: str,
+    values: tuple[float, float] | None,
+    source: Path,
+) -> str:
+    """Make a file's depth planar; return a note on what it was."""
+    try:
+        arrays["depth"], note = planar_of(arrays["depth"], camera, kind, expected=expected, depth_range=values)
+    except ValueError as error:
+        words = str(error).replace("depth_kind=", "--depth ").replace("depth_range=", "--depth-range ")
+        raise ValueError(f"{source}: {words}") from None
+    return note
+
+
+def _normals(
+    arrays: dict[str, Any], camera: Camera, space: str | None, source: Path, axes: NDArray[np.float64] | None
+) -> tuple[Any, str]:
+    """Return the normals of a file in the world of the camera, and a note on what theirs was.
+
+    `axes`: from the file's world to that of the camera; None where it is not known.
+    """
     normal, depth = arrays["normal"], arrays["depth"]
     with np.errstate(invalid="ignore"):
         depth = np.where(depth > 0.0, depth, np.inf)  # holes and NaN tell nothing of the space
     try:
-        return world_normals(normal, depth, camera, space, known=False)
+        return world_normals(normal, depth, camera, space, known=axes is not None, axes=SAME if axes is None else axes)
     except UnclearSpaceError as error:
         if not error.few:
             raise ValueError(f"{source}: {str(error).replace('normal_space', '--normals')}") from None
@@ -282,6 +357,33 @@ def _image(path: Path) -> NDArray[np.float32]:
     if missing:
         raise ValueError(f"{path} has no channel {missing[0]}, which --lit needs; it has {', '.join(present)}")
     return np.stack([present[name].astype(np.float32, copy=False) for name in "RGB"], axis=-1)
+
+
+def _camera(
+    source: Path, fov: float | None, ortho: float | None, intrinsics: tuple[float, ...] | None, file: Path | None
+) -> tuple[NDArray[np.float64] | None, Camera, str]:
+    """Return [3, 3] from the file's world to the camera's (None if unknown), the camera of the data window, and a note.
+
+    Options are of the display window; without any it is the one in the file's header.
+    """
+    header = read_headers(source)[0]
+    left, top, right, bottom = header.display
+    rows, columns = header.size
+    window = header.data[0] - left, header.data[1] - top, columns, rows
+    if file is not None:
+        from ssgi_cl.rasterize.raster.default_camera import camera_from_json
+
+        return SAME, camera_from_json(file, right - left + 1, bottom - top + 1).cropped(*window), f"camera: {file}"
+    if (fov, ortho, intrinsics) == (None, None, None):
+        found = exr.read_camera(source)
+        if found.camera is not None:
+            camera, size = found.camera, header.size
+            return found.axes, camera if camera.size == size else camera.cropped(*window), found.note
+        said = f"camera: {DEFAULT_FOV:g} degrees high are assumed, see --fov" + (
+            f" ({found.note})" if found.note else ""
+        )
+        return None, _apply_camera(header, fov, ortho, intrinsics), said
+    return None, _apply_camera(header, fov, ortho, intrinsics), "camera: as the options say"
 
 
 def _apply_camera(

@@ -14,7 +14,7 @@ from ssgi_cl.core import checks
 from ssgi_cl.core.array_kinds import LAYOUTS, channels_last, host_array
 from ssgi_cl.core.camera import Camera, orthographic_matrix
 from ssgi_cl.core.errors import AssumedWarning
-from ssgi_cl.core.normal_space import Space, detected_space, named_space
+from ssgi_cl.core.normal_space import SAME, Space, UnclearSpaceError, detected_space, named_space
 from ssgi_cl.core.srgb import srgb_to_linear
 
 KINDS = ("planar", "ray", "inverse", "relative")
@@ -180,7 +180,13 @@ def ray_lengths(camera: Camera) -> NDArray[np.float64]:
 
 
 def world_normals(
-    normal: NDArray[Any], depth: NDArray[np.float32], camera: Camera, normal_space: str | None, *, known: bool
+    normal: NDArray[Any],
+    depth: NDArray[np.float32],
+    camera: Camera,
+    normal_space: str | None,
+    *,
+    known: bool,
+    axes: NDArray[np.float64] = SAME,
 ) -> tuple[NDArray[np.float32], str]:
     """Return unit normals [rows, columns, 3] in world space, 0 where there are none, and a note on their space.
 
@@ -188,16 +194,22 @@ def world_normals(
         normal, normal_space: as of `GBuffer.from_depth`.
         depth: linear view depth; +inf where nothing is.
         camera: saw both.
-        known: whether its rotation is known; without, axes of a world are found.
+        known: whether its rotation is known; without, or if it does not fit, axes of a world are found.
+        axes: as of `detected_space`.
 
     Raises:
         ValueError: as `GBuffer.from_depth`.
     """
     if normal_space is None:
-        space = detected_space(normal, depth, camera, world=known)
+        try:
+            space = detected_space(normal, depth, camera, world=known, axes=axes)
+        except UnclearSpaceError:
+            if not known:
+                raise
+            space = detected_space(normal, depth, camera, world=False)  # a world with other axes, such as z up
     else:
-        space = named_space(normal_space, camera)
-    if space.name == "world" and not space.found:
+        space = named_space(normal_space, camera, axes)
+    if space.name == "world" and not space.found and np.array_equal(axes, SAME):
         return normal.astype(np.float32, copy=False), _said(space)
     signed = space.decoded(normal.astype(np.float64))
     length = np.linalg.norm(signed, axis=-1, keepdims=True)

@@ -7,13 +7,17 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from ssgi_cl.core.camera import Camera
     from ssgi_cl.core.lights import Environment
 
 
 class Files(Protocol):
     """Readers and writers of files."""
 
-    def read_gbuffer(
+    def read_with_kind(
         self,
         path: str | os.PathLike[str],
         channels: Mapping[str, str | tuple[str, ...]] | None,
@@ -21,11 +25,25 @@ class Files(Protocol):
         size: tuple[int, int],
         layer: str | None,
         part: str | None,
-    ) -> dict[str, Any]:
-        """Return the arrays of a G-buffer whose camera has `size` (rows, columns), and its notes."""
+        layout: str | None,
+    ) -> tuple[dict[str, Any], str]:
+        """Return the arrays of a G-buffer whose camera has `size` (rows, columns) with its notes, and the kind of
+        depth that is expected."""
 
-    def write(self, path: str | os.PathLike[str], arrays: Mapping[str, Any]) -> None:
-        """Write arrays, whole or not at all."""
+    def read_camera(self, path: str | os.PathLike[str]) -> tuple[Camera | None, str, NDArray[np.float64]]:
+        """Return the camera that a file describes, or None, a note, and [3, 3] from the file's world to its own."""
+
+    def write(
+        self,
+        path: str | os.PathLike[str],
+        arrays: Mapping[str, Any],
+        *,
+        like: str | os.PathLike[str] | None = None,
+        camera: Camera | None = None,
+        half: bool = False,
+        parts: bool = False,
+    ) -> None:
+        """Write arrays, whole or not at all; see `ssgi_cl.io.exr.write`."""
 
     def write_picture(self, path: str | os.PathLike[str], image: Any) -> None:
         """Write an image [rows, columns] or [rows, columns, 3] of uint8 or uint16 as PNG, whole or not at all."""

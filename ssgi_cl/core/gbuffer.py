@@ -15,12 +15,12 @@ from numpy.typing import ArrayLike, NDArray
 from ssgi_cl.core import checks
 from ssgi_cl.core.array_kinds import ArrayKind, array_kind
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.depth_maps import read_depth, world_normals
+from ssgi_cl.core.depth_maps import read_depth
 from ssgi_cl.core.formats import files
 from ssgi_cl.core.gbuffer_batch import GBufferBatch
+from ssgi_cl.core.gbuffer_exr import exr_arrays
 from ssgi_cl.core.immutable import Immutable, frozen
 from ssgi_cl.core.lights import PunctualLight
-from ssgi_cl.core.normal_space import UnclearSpaceError
 
 Floats = NDArray[np.float32]
 
@@ -276,11 +276,14 @@ class GBuffer:
         cls,
         path: str | os.PathLike[str],
         *,
-        camera: Camera,
+        camera: Camera | None = None,
+        layout: str | None = None,
         channels: Mapping[str, str | tuple[str, ...]] | None = None,
         layer: str | None = None,
         part: str | None = None,
         normal_space: str | None = None,
+        depth_kind: str | None = None,
+        depth_range: tuple[float, float] | None = None,
         nan: Literal["refuse", "hole"] = "refuse",
     ) -> Self:
         """Read a G-buffer from an OpenEXR file.
@@ -288,7 +291,11 @@ class GBuffer:
         Args:
             path: the file.
             camera: the camera that saw it, of the file's display window or of its data window
-                (`Camera.cropped`).
+                (`Camera.cropped`); by default the one in its header: worldToCamera with worldToNDC, or
+                attributes of Arnold, V-Ray, Redshift and Unreal.
+            layout: program whose conventions the file has: "blender", "arnold", "v-ray", "redshift", "karma",
+                "renderman", "unreal", "nuke" or "hydra"; guessed by default. It decides where several names
+                would do, and where depth and normals do not tell.
             channels: channel names for `depth`, `normal`, `albedo`, `emission`, for example
                 {"depth": "Z", "normal": ("N.X", "N.Y", "N.Z")}; found by their usual names if not
                 given. `notes` says what was read, and what was not.
@@ -297,30 +304,65 @@ class GBuffer:
             part: of a file of several parts, the one that is read; by default all.
             normal_space: as of `from_depth`. None finds out; where too few surfaces are smooth to tell,
                 normals are taken for those of the world.
+            depth_kind: "planar" along the camera's axis, "ray" along the view ray, "inverse" for 1 / planar
+                depth, "normalised" for OpenGL's 0..1 between the near and far plane of `camera`, or "remapped".
+                By default one of the first three, found by planes, on which 1 / planar depth is linear.
+            depth_range: depths of the values 0 and 1 of "remapped" depth, scene units, as V-Ray's black and white.
             nan: as the attribute.
 
         Raises:
-            ValueError: not an EXR file, damaged, without depth, of another size than `camera`, or,
+            ValueError: not an EXR file, damaged, without depth, without a camera in the header where none is given,
+                depth in 0..1 whose kind has to be said, of another size than `camera`, or,
                 with a camera of the display window, the data window does not exceed that equally
                 on opposite sides (the margin); several layers have a depth and none is named; or the
                 space of the normals is not clear (`UnclearSpaceError`).
         """
-        arrays: dict[str, Any] = files().read_gbuffer(path, channels, size=camera.size, layer=layer, part=part)
-        if "normal" in arrays:
-            try:
-                found = world_normals(arrays["normal"], arrays["depth"], camera, normal_space, known=True)
-                arrays |= {"normal": found[0], "notes": (*arrays["notes"], found[1])}
-            except UnclearSpaceError as error:
-                if not error.few:
-                    raise type(error)(f"{os.fspath(path)}: {error}") from None
-        return cls(camera=camera, nan=nan, **arrays)
+        read = exr_arrays(
+            path,
+            camera,
+            channels,
+            layer=layer,
+            part=part,
+            layout=layout,
+            normal_space=normal_space,
+            depth_kind=depth_kind,
+            depth_range=depth_range,
+        )
+        return cls(nan=nan, **read)
 
-    def to_exr(self, path: str | os.PathLike[str]) -> None:
-        """Write the front layer to an OpenEXR file that `from_exr` reads; whole or not at all."""
+    def save(self, path: str | os.PathLike[str], *, half: bool = False, parts: bool = False) -> None:
+        """Write the front layer as `to_exr` does. ValueError: the name does not end in .exr."""
+        if not os.fspath(path).lower().endswith(".exr"):
+            raise ValueError(f"path is {os.fspath(path)!r}: expected a name that ends in .exr")
+        self.to_exr(path, half=half, parts=parts)
+
+    def to_exr(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        like: str | os.PathLike[str] | None = None,
+        half: bool = False,
+        parts: bool = False,
+    ) -> None:
+        """Write the front layer to an OpenEXR file that `from_exr` reads; whole or not at all.
+
+        Channels are Z, N.X, N.Y, N.Z (world space), albedo.R ... and emission.R ...; the header has the camera
+        (worldToCamera, worldToNDC), and the margin lies outside of the display window.
+
+        Args:
+            path: the file.
+            like: a file of the same size whose windows, camera and other attributes are kept instead.
+            half: whether channels but Z are half floats.
+            parts: whether each array is a part of its own.
+
+        Raises:
+            ValueError: `like` is of another size, or a value is beyond the largest half float, 65504.
+            OSError: the file can't be written.
+        """
         names = ("depth", "normal", "albedo", "emission")
         arrays = {name: self.first(name) for name in names}
         kept = {name: array for name, array in arrays.items() if array is not None}
-        files().write(path, kept)
+        files().write(path, kept, like=like, camera=self.camera, half=half, parts=parts)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

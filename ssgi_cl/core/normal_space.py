@@ -29,6 +29,9 @@ AXES: dict[str, Matrix] = {
 """Spaces of the camera by name, and what takes their normals to view space: +x right, +y up, towards the viewer +z.
 "opencv" has +y down and +z forward."""
 
+SAME = np.eye(3)
+"""Of worlds with the same axes."""
+
 SPACES = (*AXES, "world")
 """Spaces that a normal map may be said to have."""
 
@@ -97,18 +100,20 @@ class UnclearSpaceError(ValueError):
         self.few = few
 
 
-def named_space(name: str, camera: Camera) -> Space:
-    """Return the space that is called `name`. ValueError: there is none."""
+def named_space(name: str, camera: Camera, axes: Matrix = SAME) -> Space:
+    """Return the space that is called `name`; for `axes` see `detected_space`. ValueError: there is none."""
     plain = name.removesuffix(ENCODED)
     if plain not in SPACES:
         listed = ", ".join(map(repr, SPACES))
         raise ValueError(
             f"normal_space is {name!r}: expected one of {listed}, each with {ENCODED!r} or without, or None"
         )
-    return Space(name, camera.view[:3, :3] if plain == "world" else AXES[plain])
+    return Space(name, camera.view[:3, :3] @ axes if plain == "world" else AXES[plain])
 
 
-def detected_space(normal: NDArray[Any], depth: NDArray[Any], camera: Camera, *, world: bool) -> Space:
+def detected_space(
+    normal: NDArray[Any], depth: NDArray[Any], camera: Camera, *, world: bool, axes: Matrix = SAME
+) -> Space:
     """Return the space of a normal map.
 
     Args:
@@ -116,6 +121,7 @@ def detected_space(normal: NDArray[Any], depth: NDArray[Any], camera: Camera, *,
         depth: [rows, columns] linear view depth; +inf where nothing is.
         camera: saw both.
         world: whether the camera's rotation is known. If not, world axes are fitted.
+        axes: [3, 3], from the axes of the normals' world to those of the camera's.
 
     Raises:
         UnclearSpaceError: no candidate fits, or two that mean different things fit alike.
@@ -130,7 +136,9 @@ def detected_space(normal: NDArray[Any], depth: NDArray[Any], camera: Camera, *,
             f"say it by normal_space, one of {', '.join(map(repr, SPACES))}",
             few=True,
         )
-    candidates = [_Judged(space, stored, expected) for space in _candidates(stored, camera, world)]
+    candidates = [
+        _Judged(space, stored, expected) for space in _candidates(stored, camera.view[:3, :3] @ axes if world else None)
+    ]
     best = _best(candidates)
     if not world and _spans(expected):
         fitted = min((_fitted(each, stored, expected) for each in _plain(candidates)), key=lambda each: each.residual)
@@ -183,10 +191,10 @@ def sampled_normals(
     return rows[smooth], columns[smooth], normal[smooth] / length[smooth, None]
 
 
-def _candidates(stored: NDArray[np.float64], camera: Camera, world: bool) -> list[Space]:
+def _candidates(stored: NDArray[np.float64], world: Matrix | None) -> list[Space]:
     spaces = [Space(name, axes) for name, axes in AXES.items()]
-    if world:
-        spaces.append(Space("world", camera.view[:3, :3]))
+    if world is not None:
+        spaces.append(Space("world", world))
     encoded = [space._replace(name=space.name + ENCODED) for space in spaces]
     if stored.min() < 0.0 or stored.max() > 1.0:
         return spaces

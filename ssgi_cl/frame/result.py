@@ -68,18 +68,25 @@ class Frame:
                 found[name] = None if array is None else self.gbuffer.inner(array)
         return {name: array for name, array in found.items() if array is not None}
 
-    def save(self, path: str | os.PathLike[str]) -> None:
+    def save(self, path: str | os.PathLike[str], *, half: bool = False, parts: bool = False) -> None:
         """Write the picture as PNG, or `arrays` as OpenEXR, as the end of the name says; whole or not at all.
 
+        Args:
+            path: the file.
+            half: of OpenEXR, whether channels but depth are half floats.
+            parts: of OpenEXR, whether each array is a part of its own: rgba, ao, depth, N ...
+
         Raises:
-            ValueError: another end of the name, or the frame lacks what the file is to hold.
+            ValueError: another end of the name, the frame lacks what the file is to hold, or a value is beyond
+                the largest half float, 65504.
             OSError: the file can't be written; the message names it.
         """
         end = Path(path).suffix.lower()
         if end == ".png":
             files().write_picture(path, self.image)
         elif end == ".exr":
-            files().write(path, self.arrays())
+            camera = None if self.gbuffer is None else self.gbuffer.camera
+            files().write(path, self.arrays(), camera=camera, half=half, parts=parts)
         else:
             raise ValueError(f"path is {os.fspath(path)!r}: expected a name that ends in .png or .exr")
 

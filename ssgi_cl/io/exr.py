@@ -13,14 +13,18 @@ import OpenEXR
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core import atomic, checks
-from ssgi_cl.io.exr_channels import QUANTITIES, found_channels
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.io.exr_camera import HeaderCamera, camera_attributes, header_camera
+from ssgi_cl.io.exr_channels import QUANTITIES, found_channels, stem_of
 from ssgi_cl.io.exr_header import ExrHeader, Window, read_headers
+from ssgi_cl.io.exr_layouts import layout_of
 
 BACKGROUND_DEPTH = 1e10
 """Depths from here on mean that nothing is there: Blender writes 1e10 for its background."""
 
 _STEMS = {"": "", "image": "", "normal": "N"}
 _SINGLES = {"depth": "Z"}
+_PARTS = {"": "rgba", "image": "rgba", "normal": "N"}
 _SUFFIXES = {"normal": ("X", "Y", "Z")}
 
 
@@ -31,6 +35,9 @@ def write(
     data: Window | None = None,
     display: Window | None = None,
     like: str | os.PathLike[str] | None = None,
+    camera: Camera | None = None,
+    half: bool = False,
+    parts: bool = False,
 ) -> None:
     """Write arrays as float32 channels of one OpenEXR file (ZIP, lossless), whole or not at all.
 
@@ -44,24 +51,49 @@ def write(
             by default the first are 0.
         display: likewise of the image; by default the same as `data`.
         like: a file whose windows and other attributes are kept, in place of both.
+        camera: of the image, for the header; arrays that are larger have a margin, outside of the display window.
+        half: whether channels are half floats, but for depth ("depth", Z), whose rounding of 5e-4 would bend planes.
+        parts: whether each array is a part of its own, called by its name ("rgba" for "image"), with the same
+            channels: what programs call a multi-part file.
 
     Raises:
         TypeError: an array is not of real numbers.
-        ValueError: no array, a wrong shape, sizes that differ, a window of another size, or a
-            channel that is there twice.
+        ValueError: no array, a wrong shape, sizes that differ, a window of another size, a channel that is
+            there twice, or a value beyond 65504, the largest half float.
         OSError: the file can't be written; the message names it.
     """
-    channels = _planes(arrays)
-    rows, columns = next(iter(channels.values())).shape
+    planes = _planes(arrays)
+    rows, columns = next(iter(planes.values())).shape
+    channels: dict[str, NDArray[Any]] = {name: _stored(name, plane, half=half) for name, plane in planes.items()}
+    own = {_PARTS.get(name, name): [key for key, _ in _split(name, checks.floats(name, array))]
+           for name, array in arrays.items()} if parts else {}  # fmt: skip
     if like is not None:
         header = read_headers(Path(like))[0]
-        _check_size("the arrays", next(iter(channels.values())), header.size, f"the data window of {os.fspath(like)}")
-        _save(path, _kept(_attributes(os.fspath(like))), channels)
+        _check_size("the arrays", next(iter(planes.values())), header.size, f"the data window of {os.fspath(like)}")
+        _save(path, _kept(_attributes(os.fspath(like))), channels, own)
         return
+    attributes: dict[str, Any] = {}
+    if camera is not None:
+        attributes = dict(camera_attributes(camera))
+        across, down = (columns - camera.width) // 2, (rows - camera.height) // 2
+        data = data or (-across, -down, columns - across - 1, rows - down - 1)
+        display = display or (0, 0, camera.width - 1, camera.height - 1)
     data = (0, 0, columns - 1, rows - 1) if data is None else data
     if (data[3] - data[1] + 1, data[2] - data[0] + 1) != (rows, columns):
         raise ValueError(f"data is {data}: expected a window of {columns} columns and {rows} rows, as the arrays")
-    _save(path, {"dataWindow": _box(data), "displayWindow": _box(display or data)}, channels)
+    windows = {"dataWindow": _box(data), "displayWindow": _box(display or data)}
+    _save(path, {**attributes, **windows}, channels, own)
+
+
+def _stored(name: str, plane: NDArray[np.float32], *, half: bool) -> NDArray[Any]:
+    """Return a plane in the type that its channel has."""
+    if not half or name == "Z":
+        return plane
+    most = float(np.finfo(np.float16).max)
+    with np.errstate(invalid="ignore"):
+        if (np.isfinite(plane) & (np.abs(plane) > most)).any():
+            raise ValueError(f"channel {name!r} has values beyond {most:g}: expected half=False, or smaller values")
+    return plane.astype(np.float16)
 
 
 def add(path: str | os.PathLike[str], arrays: Mapping[str, ArrayLike]) -> None:
@@ -104,13 +136,22 @@ def _kept(header: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in header.items() if name not in own}
 
 
-def _save(path: str | os.PathLike[str], header: dict[str, Any], channels: dict[str, Any]) -> None:
-    """Write a file of scan lines, whole or not at all."""
+def _save(
+    path: str | os.PathLike[str],
+    header: dict[str, Any],
+    channels: dict[str, Any],
+    parts: Mapping[str, Sequence[str]] | None = None,
+) -> None:
+    """Write a file of scan lines, whole or not at all; `parts` has the names of the channels of each, if any."""
     header = {**header, "compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    several = [
+        OpenEXR.Part({**header, "name": name}, {key: channels[key] for key in own}, name)
+        for name, own in (parts or {}).items()
+    ]
     with atomic.replacement(path) as temporary:
         try:
             with _utf8(os.fspath(temporary), os.O_WRONLY) as writable:
-                OpenEXR.File(header, channels).write(writable)
+                (OpenEXR.File(several) if several else OpenEXR.File(header, channels)).write(writable)
         except RuntimeError as error:
             reason = str(error).replace(os.fspath(temporary), os.fspath(path))
             raise OSError(f"cannot write {os.fspath(path)}: {reason}") from error
@@ -255,6 +296,7 @@ def read_gbuffer(
     size: tuple[int, int] | None = None,
     layer: str | None = None,
     part: str | None = None,
+    layout: str | None = None,
 ) -> dict[str, Any]:
     """Return the arrays of a G-buffer that an OpenEXR file holds.
 
@@ -268,9 +310,10 @@ def read_gbuffer(
             any.
         layer: whose quantities are read; by default the one with a depth that has the most.
         part: of a file of several parts, the one that is read; by default all.
+        layout: program whose conventions the file has, one of `exr_layouts.LAYOUTS`; guessed by default.
 
     Returns:
-        "depth" [rows, columns], and "normal", "albedo", "emission" [rows, columns, 3] as far as the
+        "depth" [rows, columns] as it is stored, and "normal", "albedo", "emission" [rows, columns, 3] as far as the
         file has them. Depths of 1e10 and more, Blender's background, are +inf. "notes": what was
         read, and what was not, in words.
 
@@ -278,6 +321,22 @@ def read_gbuffer(
         FileNotFoundError, OSError: as `read`.
         ValueError: as `read`; windows that `size` does not allow; no depth, or a given channel
             that the file doesn't have: the message lists those that it has.
+    """
+    return read_with_kind(path, channels, size=size, layer=layer, part=part, layout=layout)[0]
+
+
+def read_with_kind(
+    path: str | os.PathLike[str],
+    channels: Mapping[str, str | tuple[str, ...]] | None = None,
+    *,
+    size: tuple[int, int] | None = None,
+    layer: str | None = None,
+    part: str | None = None,
+    layout: str | None = None,
+) -> tuple[dict[str, Any], str]:
+    """Return what `read_gbuffer` does, and the kind of depth that the layout expects.
+
+    That is one of `core.depth_kind.KINDS`, or "" where it has to be said.
     """
     name = os.fspath(path)
     headers = read_headers(Path(name))
@@ -293,26 +352,54 @@ def read_gbuffer(
         raise ValueError(f"{name} has no part {part!r}; it has {parts}")
     names = [whole for header in chosen for whole in header.names.values()]
     given = {key: _given(name, key, value, names) for key, value in wanted.items()}
+    program, note = layout_of(layout, names, _attributes(name))
+    first = {} if program is None else {"depth": tuple(program.depths), "normal": program.normals}
     try:
-        found = found_channels(names, layer, given)
+        found = found_channels(names, layer, given, first)
     except ValueError as error:
         raise type(error)(f"{name}: {error}") from None
     present = _chosen(name, headers, {channel for each in found.channels.values() for channel in each})
-    arrays: dict[str, Any] = {"notes": found.notes}
+    arrays: dict[str, Any] = {"notes": (*filter(None, [note]), *found.notes)}
     for key, own in found.channels.items():
         planes = [present[channel].astype(np.float32, copy=False) for channel in own]
         arrays[key] = planes[0] if key == "depth" else np.stack(planes, axis=-1)
     depth = arrays["depth"].copy()
     depth[depth >= BACKGROUND_DEPTH] = np.inf
     arrays["depth"] = depth
-    return arrays
+    kinds = {} if program is None else program.depths
+    return arrays, kinds.get(stem_of(found.channels["depth"][0]), "planar")
+
+
+def read_camera(path: str | os.PathLike[str]) -> HeaderCamera:
+    """Return the camera that a file's header describes, for `read_gbuffer`, and a note.
+
+    It is that of the display window where the data window is that or exceeds it equally on opposite sides,
+    else that of the data window.
+
+    Raises:
+        FileNotFoundError, ValueError, OSError: as `read`.
+    """
+    name = os.fspath(path)
+    header = read_headers(Path(name))[0]
+    camera, note, axes = header_camera(_attributes(name), header)
+    if camera is not None and not _is_margin(header):
+        left, top = header.data[0] - header.display[0], header.data[1] - header.display[1]
+        rows, columns = header.size
+        camera = camera.cropped(left, top, columns, rows)
+    return HeaderCamera(camera, note, axes)
+
+
+def _is_margin(header: ExrHeader) -> bool:
+    """Return whether the data window exceeds the display window equally on opposite sides, or is the same."""
+    data, display = (np.reshape(window, (2, 2)) for window in (header.data, header.display))
+    before, after = display[0] - data[0], data[1] - display[1]
+    return bool((before == after).all() and (before >= 0).all())
 
 
 def _check_regions(name: str, header: ExrHeader, size: tuple[int, int]) -> None:
     """Raise ValueError unless the windows of a file are those of a camera of this size."""
     data, display = (np.reshape(window, (2, 2)) for window in (header.data, header.display))
-    before, after = display[0] - data[0], data[1] - display[1]
-    if size != header.size and ((before != after).any() or (before < 0).any()):
+    if size != header.size and not _is_margin(header):
         raise ValueError(
             f"{name} has the data window {data.tolist()} and the display window "
             f"{display.tolist()}: expected the same window, or a margin of equal size on "

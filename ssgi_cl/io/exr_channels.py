@@ -51,7 +51,10 @@ class AmbiguousLayerError(ValueError):
 
 
 def found_channels(
-    names: Iterable[str], layer: str | None = None, given: Mapping[str, tuple[str, ...]] | None = None
+    names: Iterable[str],
+    layer: str | None = None,
+    given: Mapping[str, tuple[str, ...]] | None = None,
+    first: Mapping[str, tuple[str, ...]] | None = None,
 ) -> Found:
     """Return the channels of a G-buffer among the names of a file.
 
@@ -60,13 +63,14 @@ def found_channels(
         layer: whose quantities to read. By default the one with a depth; of several, that with the most
             quantities.
         given: channels of quantities that are known already.
+        first: names of quantities that are preferred to those of `QUANTITIES`.
 
     Raises:
         ValueError: no layer of this name has a depth, or none at all has.
         AmbiguousLayerError: several layers have as many quantities.
     """
     names = tuple(names)
-    layers, given = _by_layer(names), given or {}
+    layers, given = _by_layer(names, first or {}), given or {}
     if "depth" in given:
         holding = (name for name, found in layers.items() if any(given["depth"][0] in part for part in found.values()))
         own = next(holding, _parts(given["depth"][0])[0])
@@ -99,20 +103,20 @@ def found_channels(
     return Found(chosen, channels, tuple(notes))
 
 
-def _by_layer(names: tuple[str, ...]) -> dict[str, dict[str, tuple[str, ...]]]:
+def _by_layer(names: tuple[str, ...], first: Mapping[str, tuple[str, ...]]) -> dict[str, dict[str, tuple[str, ...]]]:
     """Return the channels of each quantity by layer."""
     stems: dict[tuple[str, str], dict[str, str]] = {}  # (layer, stem) -> component -> name
     for name in names:
         layer, stem, component = _parts(name)
         stems.setdefault((layer, stem), {})[component] = name
     for (layer, stem), components in tuple(stems.items()):  # "left.Z"
-        if components.keys() == {"Z"} and not tuple(_meanings(stem, alone=False)):
+        if components.keys() == {"Z"} and not tuple(_meanings(stem, first, alone=False)):
             name = stems.pop((layer, stem))["Z"]
             stems.setdefault((name[:-2], "z"), {})[""] = name
     layers: dict[str, dict[str, tuple[str, ...]]] = {}
     ranks: dict[tuple[str, str], int] = {}
     for (layer, stem), components in stems.items():
-        for quantity, rank in _meanings(stem, alone=len(names) == 1):
+        for quantity, rank in _meanings(stem, first, alone=len(names) == 1):
             part = _depth(components) if quantity == "depth" else _triple(components)
             if stem in POSITIONS:
                 part = (components["Z"],) if "Z" in components else None
@@ -125,7 +129,7 @@ def _by_layer(names: tuple[str, ...]) -> dict[str, dict[str, tuple[str, ...]]]:
 
 def _parts(name: str) -> tuple[str, str, str]:
     """Return (layer, stem, component) of a channel: the stem in lower case without spaces and underscores."""
-    parts = name.split(".")
+    parts = [part.removeprefix("ray:") for part in name.split(".")]  # Karma's
     component = ""
     glued = _WITHOUT_DOT.match(parts[-1])
     if len(parts) > 1 and len(parts[-1]) == 1 and any(parts[:-1]):
@@ -138,10 +142,17 @@ def _parts(name: str) -> tuple[str, str, str]:
     return ".".join(part for part in parts[:-1] if part), stem, component
 
 
-def _meanings(stem: str, *, alone: bool) -> Iterable[tuple[str, int]]:
+def stem_of(name: str) -> str:
+    """Return the quantity that a channel's name tells, in lower case without layers, spaces and component."""
+    return _parts(name)[1]
+
+
+def _meanings(stem: str, first: Mapping[str, tuple[str, ...]], *, alone: bool) -> Iterable[tuple[str, int]]:
     """Return (quantity, rank) of a stem; the least rank is preferred."""
     for quantity, known in QUANTITIES.items():
-        if stem in known:
+        if stem in first.get(quantity, ()):
+            yield quantity, first[quantity].index(stem) - len(first[quantity])
+        elif stem in known:
             yield quantity, known.index(stem)
     if stem in POSITIONS:
         yield "depth", 50 + POSITIONS.index(stem)

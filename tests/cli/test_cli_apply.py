@@ -237,7 +237,7 @@ def test_apply_has_the_method(depth_file: Path, tmp_path: Path) -> None:
         (["--set", "radius"], "--set 'radius': expected NAME=VALUE"),
         (["--set", "radus=1"], "ssao has no parameter 'radus': did you mean 'radius'? It has "),
         (["--set", "runtime=1"], "ssao has no parameter 'runtime'"),
-        (["--fov", 40, "--ortho", 2], "--fov, --ortho and --intrinsics exclude each other"),
+        (["--fov", 40, "--ortho", 2], "--fov, --camera, --ortho and --intrinsics exclude each other"),
         (["--ortho", 1e300], "view_height is 1e+300: expected a number >= 1e-28 and <= 1e+28 (sc"),
         (["--intrinsics", 1, 1, 1e300, 0], "shifts the image by"),
         (["--intrinsics", 0, 1, 2, 3], "fx is 0.0"),
@@ -279,7 +279,7 @@ def test_what_lacks_memory_is_told_in_a_line(depth_file: Path, tmp_path: Path, m
     def lacking(*_: object, **__: object) -> None:
         raise MemoryError("Unable to allocate 9.9 GiB")
 
-    monkeypatch.setattr(exr, "read_gbuffer", lacking)
+    monkeypatch.setattr(exr, "read_with_kind", lacking)
     output = tmp_path / "a.exr"
     message = fails(tmp_path, "apply", "gtao", depth_file, "-o", output)
     assert message.startswith("out of memory: Unable to allocate 9.9 GiB")
@@ -296,7 +296,7 @@ def test_a_driver_that_fails_is_told_in_a_line(
     def failing(*_: object, **__: object) -> None:
         raise cl.LogicError("clSomething failed", -54, "INVALID_WORK_GROUP_SIZE")
 
-    monkeypatch.setattr(exr, "read_gbuffer", failing)
+    monkeypatch.setattr(exr, "read_with_kind", failing)
     message = fails(tmp_path, "apply", "gtao", depth_file, "-o", tmp_path / "a.exr")
     assert message.startswith("the OpenCL driver failed: ")
 
@@ -329,7 +329,11 @@ def test_numbers_may_be_written_as_people_do(depth_file: Path, number: str) -> N
 
 def test_what_was_read_is_said(depth_file: Path) -> None:
     output = depth_file.with_name("ao.exr")
-    assert answer("apply", "gtao", depth_file, "-o", output)["notes"] == ["depth is read from Z"]
+    assert answer("apply", "gtao", depth_file, "-o", output)["notes"] == [
+        "camera: 50 degrees high are assumed, see --fov",
+        "depth is read from Z",
+        "depth is taken for planar: no planes tell",
+    ]
     assert "depth is read from Z" in succeeds("apply", "gtao", depth_file, "-o", output).output
 
 

@@ -333,3 +333,36 @@ def test_a_writer_that_fails_leaves_the_old_file(damaged: Path, monkeypatch: pyt
         exr.write(damaged, {"depth": np.ones((2, 2))})
     assert damaged.read_bytes() == old
     assert [path.name for path in damaged.parent.iterdir()] == ["a.exr"]
+
+
+@pytest.mark.parametrize("parts", [False, True])
+@pytest.mark.parametrize("half", [False, True])
+def test_a_gbuffer_comes_back_with_its_camera(
+    tmp_path: Path, rng: np.random.Generator, half: bool, parts: bool
+) -> None:
+    camera = Camera.look_at((1, 2, 3), (0, 0.5, 0), (0.1, 1, 0), width=30, height=20)
+    normal = rng.normal(size=(24, 34, 3))
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    depth = rng.uniform(1.0, 9.0, (24, 34))
+    depth[3:6] = np.inf
+    given = GBuffer(camera=camera, depth=depth, normal=normal, albedo=rng.uniform(size=(24, 34, 3)))
+    given.save(tmp_path / "a.exr", half=half, parts=parts)
+    found = GBuffer.from_exr(tmp_path / "a.exr", normal_space="world", depth_kind="planar")
+    assert found.margin == given.margin == (2, 2)
+    np.testing.assert_array_equal(found.depth, given.depth)  # of depth no bit is lost
+    for name in ("normal", "albedo"):
+        np.testing.assert_allclose(getattr(found, name), getattr(given, name), atol=2.0**-11 if half else 0.0)
+    np.testing.assert_allclose(found.camera.view, camera.view, atol=1e-6)
+    np.testing.assert_allclose(found.camera.pixel_to_view, camera.pixel_to_view, atol=1e-6)
+    headers = read_headers(tmp_path / "a.exr")
+    assert [header.name for header in headers] == (["depth", "N", "albedo"] if parts else [""])
+    assert {c.bytes for h in headers for c in h.channels if c.name != "Z"} == {2 if half else 4}
+
+
+def test_what_half_floats_cannot_hold_is_refused(tmp_path: Path) -> None:
+    plane = np.full((3, 4), 7e4, np.float32)
+    with pytest.raises(ValueError, match="channel 'ao' has values beyond 65504: expected half=False"):
+        exr.write(tmp_path / "a.exr", {"ao": plane}, half=True)
+    assert not (tmp_path / "a.exr").exists()
+    exr.write(tmp_path / "a.exr", {"ao": np.where(plane > 0, np.inf, plane), "depth": plane}, half=True)
+    assert exr.read(tmp_path / "a.exr")["Z"][0, 0] == np.float32(7e4)

@@ -4,22 +4,33 @@
 // Method:  exposure, then a filmic curve (Narkowicz 2015, a fit of the ACES reference transform:
 //          x (2.51 x + 0.03) / (x (2.43 x + 0.59) + 0.14)) or none, then IEC 61966-2-1.
 // Reads:   radiance  3 x [rows, columns] linear, >= 0
-// Writes:  encoded   [rows][pitch][3] bytes red, green and blue; pitch is columns, rounded up
-//                    to 16; beyond the columns undefined
-// Macros:  TONEMAP_CURVE (0 clip at 1, 1 filmic)
+// Writes:  encoded   [rows][pitch][3] bytes red, green and blue, or as many of 16 bits; pitch is
+//                    columns, rounded up to 16; beyond the columns undefined
+// Macros:  TONEMAP_CURVE (0 clip at 1, 1 filmic), TONEMAP_BITS (8 or 16)
 // Launch:  SSGI_LANES pixels of a row per work-item
 
 #include "common/gbuffer.clh"
 
-#ifndef TONEMAP_CURVE
-#error "TONEMAP_CURVE must be defined by the host"
+#if !defined(TONEMAP_CURVE) || !defined(TONEMAP_BITS)
+#error "TONEMAP_CURVE and TONEMAP_BITS must be defined by the host"
 #endif
 
-// Write three bytes of each lane, one pixel after the other, from pixel number `first` on.
+// Write three values of each lane, one pixel after the other, from pixel number `first` on.
 static inline void tonemap_store(const vint red, const vint green, const vint blue,
                                  __global uint *restrict encoded, const int first)
 {
-#if SSGI_LANES == 1
+#if TONEMAP_BITS == 16
+    int value[3][SSGI_LANES];
+    v_ikeep(red, value[0]);
+    v_ikeep(green, value[1]);
+    v_ikeep(blue, value[2]);
+    __global ushort *restrict to = (__global ushort *)encoded + first * 3;
+    for (int i = 0; i < SSGI_LANES; ++i) {
+        for (int c = 0; c < 3; ++c) {
+            to[3 * i + c] = (ushort)value[c][i];
+        }
+    }
+#elif SSGI_LANES == 1
     __global uchar *restrict to = (__global uchar *)encoded + first * 3;
     to[0] = (uchar)red;
     to[1] = (uchar)green;
@@ -45,7 +56,7 @@ __kernel void tonemap(ssgi_plane radiance, __global uint *restrict encoded, cons
     if (x >= size.x || y >= size.y) {
         return;
     }
-    vint byte[3];
+    vint coded[3];
 #pragma unroll
     for (int c = 0; c < 3; ++c) {
         vfloat v = v_clamp(ssgi_load(radiance, size, c, x, y) * exposure, 0.0f, 1e6f);
@@ -56,8 +67,9 @@ __kernel void tonemap(ssgi_plane radiance, __global uint *restrict encoded, cons
         const vfloat high =
             v_fma(v_pow(v, v_splat(1.0f / 2.4f)), v_splat(1.055f), v_splat(-0.055f));
         const vfloat s = v_select(high, v * 12.92f, v_le(v, v_splat(0.0031308f)));
-        byte[c] = v_to_int(v_fma(s, v_splat(255.0f), v_splat(0.5f)));
+        const float most = (float)((1 << TONEMAP_BITS) - 1);
+        coded[c] = v_to_int(v_fma(s, v_splat(most), v_splat(0.5f)));
     }
     const int pitch = (size.x + 15) & ~15;
-    tonemap_store(byte[0], byte[1], byte[2], encoded, y * pitch + x);
+    tonemap_store(coded[0], coded[1], coded[2], encoded, y * pitch + x);
 }

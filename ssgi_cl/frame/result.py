@@ -14,6 +14,7 @@ from ssgi_cl.core.formats import files
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.device.timing import PassTime
 from ssgi_cl.frame.record import GraphRecord
+from ssgi_cl.techniques.filters.tonemap import tonemap
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -68,12 +69,13 @@ class Frame:
                 found[name] = None if array is None else self.gbuffer.inner(array)
         return {name: array for name, array in found.items() if array is not None}
 
-    def save(self, path: str | os.PathLike[str], *, half: bool = False, parts: bool = False) -> None:
+    def save(self, path: str | os.PathLike[str], *, half: bool = False, parts: bool = False, bits: int = 8) -> None:
         """Write the picture as PNG, or `arrays` as OpenEXR, as the end of the name says; whole or not at all.
 
         Args:
             path: the file.
             half: of OpenEXR, whether channels but depth are half floats.
+            bits: of PNG, 8 or 16 a channel; 16 need "radiance" among the frame's outputs.
             parts: of OpenEXR, whether each array is a part of its own: rgba, ao, depth, N ...
 
         Raises:
@@ -83,7 +85,8 @@ class Frame:
         """
         end = Path(path).suffix.lower()
         if end == ".png":
-            files().write_picture(path, self.image)
+            picture = self.image if bits == 8 else tonemap(self.radiance, exposure=self.exposure, bits=bits)
+            files().write_picture(path, picture)
         elif end == ".exr":
             camera = None if self.gbuffer is None else self.gbuffer.camera
             files().write(path, self.arrays(), camera=camera, half=half, parts=parts)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -27,6 +28,21 @@ def test_what_is_written_is_read_back(tmp_path: Path, shape: tuple[int, ...], pa
         assert picture.format == "PNG"
         np.testing.assert_array_equal(np.asarray(picture), image)
     assert [path.name for path in tmp_path.iterdir()] == ["a picture"]
+
+
+@pytest.mark.parametrize("shape", [(1, 1, 3), (17, 31, 3)])
+def test_pictures_of_16_bits_keep_them(tmp_path: Path, shape: tuple[int, ...]) -> None:
+    image = np.random.default_rng(1).integers(0, 65536, shape, dtype=np.uint16)
+    png.write(tmp_path / "a.png", image)
+    with Image.open(tmp_path / "a.png") as picture:  # of 16 bits Pillow reads the upper 8, and checks all sums
+        np.testing.assert_array_equal(np.asarray(picture), image >> 8)
+    data = (tmp_path / "a.png").read_bytes()
+    place = data.index(b"IDAT")
+    size = int.from_bytes(data[place - 4 : place], "big")
+    lines = np.frombuffer(zlib.decompress(data[place + 4 : place + 4 + size]), np.uint8).reshape(shape[0], -1)
+    assert (lines[:, 0] == 2).all()
+    bytes_ = np.cumsum(lines[:, 1:], axis=0, dtype=np.uint8)
+    np.testing.assert_array_equal(np.ascontiguousarray(bytes_).view(">u2").reshape(shape), image)
 
 
 def test_floats_are_refused(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -32,9 +33,12 @@ class TonemapParams(Params):
         "factor before the curve, above 0; by default the log-average luminance becomes 0.18",
         shape=lambda _: None,
     )
+    bits: int = param(8, "bits of each channel of the picture, 8 or 16", low=8, high=16)
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.bits not in (8, 16):
+            raise ValueError(f"bits is {self.bits}: expected 8 or 16 bits a channel")
         if self.exposure is not None:
             exposure = checks.number("exposure", self.exposure, low=0.0, above=True)
             object.__setattr__(self, "exposure", exposure)
@@ -56,11 +60,13 @@ class Tonemap(Prepared[TonemapParams]):
         self.size = size
         self._params = params or TonemapParams()
         number = CURVES.index(self._params.curve)
-        self._kernel = runtime.kernel("filters/tonemap.cl", {"TONEMAP_CURVE": number})
+        self._kernel = runtime.kernel(
+            "filters/tonemap.cl", {"TONEMAP_CURVE": number, "TONEMAP_BITS": self._params.bits}
+        )
         self._pitch = (size[1] + 15) // 16 * 16
 
-    def run(self, radiance: Plane, *, exposure: float | None = None, region: Region | None = None) -> NDArray[np.uint8]:
-        """Run the pass; return the picture, [rows, columns, 3] uint8.
+    def run(self, radiance: Plane, *, exposure: float | None = None, region: Region | None = None) -> NDArray[Any]:
+        """Run the pass; return the picture, [rows, columns, 3] uint8 or uint16.
 
         `exposure` is that of the parameters by default, or the automatic one of the radiance.
         Outside of `region` radiance is the same everywhere: one pixel stands for all.
@@ -70,7 +76,9 @@ class Tonemap(Prepared[TonemapParams]):
             exposure = auto_exposure(np.moveaxis(radiance.download(), 0, -1), region)
         beyond = None if region is None else region.beyond(self.size)
         parts = [region]
-        encoded_bytes = self.runtime.transient.array(self.size[0] * self._pitch * 3 // 4, np.uint32)
+        kind = np.uint8 if self._params.bits == 8 else np.uint16
+        words = self.size[0] * self._pitch * 3 * self._params.bits // 32
+        encoded_bytes = self.runtime.transient.array(words, np.uint32)
         if beyond is not None:
             parts.append(Region(*beyond, 1, 1))
         for part in parts:
@@ -82,9 +90,9 @@ class Tonemap(Prepared[TonemapParams]):
                 exposure=min(exposure, LARGEST_EXPOSURE),
             )
         rows, columns = self.size
-        picture = np.empty((rows, columns, 3), np.uint8)
+        picture = np.empty((rows, columns, 3), kind)
         with encoded_bytes.mapped() as flat:
-            encoded = flat.view(np.uint8).reshape(rows, self._pitch, 3)[:, :columns]
+            encoded = flat.view(kind).reshape(rows, self._pitch, 3)[:, :columns]
             copy_region(encoded, picture, region, beyond)
         return picture
 
@@ -125,8 +133,13 @@ def _log_luminance(radiance: NDArray[np.float32]) -> NDArray[np.float64]:
 
 @serialised
 def tonemap(
-    radiance: ArrayLike, *, exposure: float | None = None, curve: str = "filmic", runtime: Runtime | None = None
-) -> NDArray[np.uint8]:
+    radiance: ArrayLike,
+    *,
+    exposure: float | None = None,
+    curve: str = "filmic",
+    bits: int = 8,
+    runtime: Runtime | None = None,
+) -> NDArray[Any]:
     """Turn linear radiance into an sRGB picture.
 
     The filmic curve is the fit of the ACES reference transform by Narkowicz 2015; automatic
@@ -137,10 +150,11 @@ def tonemap(
         radiance: [rows, columns, 3] float32, finite, >= 0.
         exposure: factor before the curve, > 0; by default the log-average luminance becomes 0.18.
         curve: "filmic" (Narkowicz 2015) or "clip" (only what exceeds 1 is cut).
+        bits: 8 or 16, of each channel.
         runtime: the device; by default the fastest found.
 
     Returns:
-        [rows, columns, 3] uint8, sRGB encoding.
+        [rows, columns, 3] uint8 or uint16, sRGB encoding.
 
     Raises:
         TypeError, ValueError: an argument of the wrong type, shape or range.
@@ -148,7 +162,7 @@ def tonemap(
     values = checks.plane("radiance", radiance, channels=3, low=0.0, unit="W m^-2 sr^-1")
     if values.size == 0:
         raise ValueError(f"radiance has shape {values.shape}: expected at least one pixel")
-    params = TonemapParams(curve=curve, exposure=exposure)
+    params = TonemapParams(curve=curve, exposure=exposure, bits=bits)
     factor = auto_exposure(values) if params.exposure is None else params.exposure
     device = runtime or Runtime.open()
     size = values.shape[:2]
@@ -158,7 +172,7 @@ def tonemap(
     technique.params = params
     plane.upload(np.moveaxis(values, -1, 0))
     with device.frame():
-        result: NDArray[np.uint8] = technique.run(plane, exposure=factor)
+        result: NDArray[Any] = technique.run(plane, exposure=factor)
         return result
 
 

@@ -38,6 +38,16 @@ def test_every_kernel_variant_agrees_with_reference(
     assert np.abs(image - expected).max() <= HALF_STEP
 
 
+def test_pictures_of_16_bits_agree_with_reference(variant_runtime: Runtime, rng: np.random.Generator) -> None:
+    radiance = np.exp(rng.normal(0.0, 4.0, (23, 37, 3))).astype(np.float32)
+    image = tonemap(radiance, exposure=1.0, bits=16, runtime=variant_runtime)
+    assert image.dtype == np.uint16
+    # The power is off by some 1e-6: a tenth of a step of 65535 beside half of one.
+    assert np.abs(image - encoded_reference(radiance, 1.0) * 257.0).max() <= 0.6
+    with pytest.raises(ValueError, match="bits is 12: expected 8 or 16"):
+        tonemap(radiance, bits=12, runtime=variant_runtime)
+
+
 @pytest.mark.parametrize("curve", CURVES)
 def test_brighter_is_never_darker_in_the_picture(variant_runtime: Runtime, curve: str) -> None:
     image = tonemap(ramp(1e-6, 1e6), exposure=1.0, curve=curve, runtime=variant_runtime)

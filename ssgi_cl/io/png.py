@@ -42,7 +42,7 @@ def write(path: str | os.PathLike[str], image: NDArray[np.uint8 | np.uint16]) ->
             picture.save(temporary, format="PNG", compress_level=COMPRESSION)
 
 
-def _deep(image: NDArray[np.uint16]) -> bytes:
+def _deep(image: NDArray[np.uint8 | np.uint16]) -> bytes:
     """Return a file of 16 bits a channel, which Pillow does not write (PNG specification, third edition)."""
     rows, columns = image.shape[:2]
     lines = np.ascontiguousarray(image, ">u2").view(np.uint8).reshape(rows, -1)

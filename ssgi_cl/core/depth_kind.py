@@ -25,6 +25,9 @@ CLEAR = 0.25
 """How much closer to a line one kind has to be than the other for a place to count."""
 WON = 0.75
 """Share of these places on which the better kind is closer, for the kind to be clear."""
+FLAT = 6e-4
+"""Deviation from a line above which a place is on no plane, but across an edge, or the camera is another: a half
+float's rounding, 2.4e-4, of each of the three."""
 TINY = 3e-7
 """Deviation from a line below which all is rounding."""
 
@@ -45,12 +48,14 @@ class Kind(NamedTuple):
     other: float = float("nan")
 
 
-def detected_kind(values: NDArray[Any], camera: Camera) -> Kind:
+def detected_kind(values: NDArray[Any], camera: Camera, expected: str = "planar") -> Kind:
     """Return the kind of a depth map: planar, along the ray, or the inverse of planar depth.
 
     Args:
         values: [rows, columns] depths as a file has them; what is not finite or not above 0 is left out.
         camera: saw it, of the same size. Of an orthographic one planar depth and distances are the same.
+        expected: "inverse" where planes that face the camera, on which planar depth and its inverse are flat, shall
+            not be taken for planar depth.
     """
     if camera.is_orthographic or min(values.shape) < 8:
         return Kind("planar", clear=False)
@@ -63,7 +68,7 @@ def detected_kind(values: NDArray[Any], camera: Camera) -> Kind:
     rival, second, more = _better(bends, best, "inverse")
     if rival == "inverse" and more is not None:
         best, other, votes = rival, second, more
-    if votes is None:
+    if votes is None or ((best, expected) == ("planar", "inverse") and more is None):
         return Kind("planar", clear=False)
     return Kind(best, True, float(np.median(bends[best][votes])), float(np.median(bends[other][votes])))
 
@@ -83,7 +88,8 @@ def _bends(inverse: NDArray[np.float64], step: int) -> NDArray[np.float64]:
 def _better(bends: dict[str, NDArray[np.float64]], one: str, two: str) -> tuple[str, str, NDArray[np.bool_] | None]:
     """Return the better of two kinds, the other, and where planes say so; None if they do not."""
     first, second = np.maximum(bends[one], TINY), np.maximum(bends[two], TINY)
-    for_one, for_two = first < CLEAR * second, second < CLEAR * first  # false for NaN
+    for_one = first < np.minimum(CLEAR * second, FLAT)  # false for NaN
+    for_two = second < np.minimum(CLEAR * first, FLAT)
     counts = np.count_nonzero(for_one), np.count_nonzero(for_two)
     better, other, votes = (one, two, for_one) if counts[0] >= counts[1] else (two, one, for_two)
     clear = max(counts) >= min(LEAST_VOTES, 0.02 * first.size) and max(counts) >= WON * sum(counts)
@@ -130,7 +136,7 @@ def planar_of(
         return _normalised(values, camera)
     note = f"depth is {_WORDS[kind]}, as said" if kind else ""
     if kind is None:
-        found = detected_kind(values, camera)
+        found = detected_kind(values, camera, expected)
         kind = found.name if found.clear else expected
         note = f"depth is taken for {_WORDS[kind]}: no planes tell"
         if found.clear:

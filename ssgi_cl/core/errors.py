@@ -45,6 +45,10 @@ class MissingExtraError(SsgiError, ImportError):
     """An optional package is not installed; the message names the extra that brings it."""
 
 
+class SequenceError(SsgiError):
+    """Frames of a sequence failed, or the cluster that computed them; the message says which and why."""
+
+
 class TruthError(SsgiError):
     """A kept truth is damaged or is not the one asked for; the message names the file."""
 

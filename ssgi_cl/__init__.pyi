@@ -75,6 +75,9 @@ from .techniques.presets.choose import Choice as Choice
 from .techniques.radiosity.radiosity import Radiosity as Radiosity
 from .techniques.radiosity.radiosity import RadiosityParams as RadiosityParams
 from .techniques.radiosity.radiosity import radiosity as radiosity
+from .sequences.frame_result import FrameResult as FrameResult
+from .sequences.frame_result import FrameResults as FrameResults
+from .sequences.map_frames import map_frames as map_frames
 from .techniques.reflections.reflections import Reflections as Reflections
 from .techniques.reflections.reflections import ReflectionsParams as ReflectionsParams
 from .techniques.reflections.reflections import reflections as reflections

@@ -36,6 +36,7 @@ def write(
     display: Window | None = None,
     like: str | os.PathLike[str] | None = None,
     camera: Camera | None = None,
+    attributes: Mapping[str, str] | None = None,
     half: bool = False,
     parts: bool = False,
 ) -> None:
@@ -52,6 +53,7 @@ def write(
         display: likewise of the image; by default the same as `data`.
         like: a file whose windows and other attributes are kept, in place of both.
         camera: of the image, for the header; arrays that are larger have a margin, outside of the display window.
+        attributes: further ones, texts by name.
         half: whether channels are half floats, but for depth ("depth", Z), whose rounding of 5e-4 would bend planes.
         parts: whether each array is a part of its own, called by its name ("rgba" for "image"), with the same
             channels: what programs call a multi-part file.
@@ -68,13 +70,13 @@ def write(
     own = {_PARTS.get(name, name): [key for key, _ in _split(name, checks.floats(name, array))]
            for name, array in arrays.items()} if parts else {}  # fmt: skip
     if like is not None:
-        header = read_headers(Path(like))[0]
-        _check_size("the arrays", next(iter(planes.values())), header.size, f"the data window of {os.fspath(like)}")
-        _save(path, _kept(_attributes(os.fspath(like))), channels, own)
+        size = read_headers(Path(like))[0].size
+        _check_size("the arrays", next(iter(planes.values())), size, f"the data window of {os.fspath(like)}")
+        _save(path, {**_kept(_attributes(os.fspath(like))), **(attributes or {})}, channels, own)
         return
-    attributes: dict[str, Any] = {}
+    header: dict[str, Any] = dict(attributes or {})
     if camera is not None:
-        attributes = dict(camera_attributes(camera))
+        header |= camera_attributes(camera)
         across, down = (columns - camera.width) // 2, (rows - camera.height) // 2
         data = data or (-across, -down, columns - across - 1, rows - down - 1)
         display = display or (0, 0, camera.width - 1, camera.height - 1)
@@ -82,7 +84,7 @@ def write(
     if (data[3] - data[1] + 1, data[2] - data[0] + 1) != (rows, columns):
         raise ValueError(f"data is {data}: expected a window of {columns} columns and {rows} rows, as the arrays")
     windows = {"dataWindow": _box(data), "displayWindow": _box(display or data)}
-    _save(path, {**attributes, **windows}, channels, own)
+    _save(path, {**header, **windows}, channels, own)
 
 
 def _stored(name: str, plane: NDArray[np.float32], *, half: bool) -> NDArray[Any]:

@@ -115,6 +115,18 @@ def read_headers(path: Path) -> tuple[ExrHeader, ...]:
                 raise ValueError(f"{path} is damaged or cut short: its header can't be read") from error
 
 
+def read_attributes(path: Path) -> dict[str, bytes]:
+    """Return the attributes of a file's first part as they are stored; all as `read_headers`."""
+    with open(path, "rb") as file:
+        if file.read(4) != _MAGIC:
+            raise ValueError(f"{path} is not an OpenEXR file")
+        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as head:
+            try:
+                return _attributes(head, 8, path)[0]
+            except (struct.error, IndexError) as error:
+                raise ValueError(f"{path} is damaged or cut short: its header can't be read") from error
+
+
 def _parsed(head: mmap.mmap, length: int, path: Path) -> tuple[ExrHeader, ...]:
     (version,) = struct.unpack_from("<I", head, 4)
     attributes, place = _attributes(head, 8, path)

@@ -1,0 +1,1 @@
+"""Sequences of frames and sets of views: one function over many files, resumable, on one machine or many."""

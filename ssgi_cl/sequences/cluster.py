@@ -1,0 +1,89 @@
+"""Frames on the workers of Dask distributed: only paths and arguments travel, results are files."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from ssgi_cl.core.errors import MissingExtraError, SequenceError
+from ssgi_cl.sequences.frame_result import FrameResult, reason
+from ssgi_cl.version import __version__
+
+RESOURCE = "GPU"
+"""Resource of workers, of which a frame takes one where all workers have it: a GPU gets one frame at a time."""
+_LIMITS = ("POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT")
+
+
+def on_cluster(
+    client: Any,
+    work: Callable[..., FrameResult],
+    inputs: Sequence[Any],
+    files: Sequence[Path | None],
+    retries: int,
+    report: Callable[[FrameResult], None],
+) -> Iterator[FrameResult]:
+    """Yield results in the order of the inputs; `work` is called with each and its file, all else as of `map_frames`.
+
+    Raises:
+        MissingExtraError: Dask distributed is not installed.
+        SequenceError: workers have another version of the library, there are none, or the scheduler was lost.
+    """
+    try:
+        from distributed import CancelledError, as_completed
+    except ImportError as error:
+        raise MissingExtraError(
+            "frames on several machines need Dask distributed, which is not installed: pip install 'ssgi-cl[cluster]'"
+        ) from error
+    resources = _checked_workers(client)
+    done: dict[int, FrameResult] = {}
+    try:
+        futures = {
+            client.submit(_on_worker, work, source, file, pure=False, retries=retries, resources=resources): number
+            for number, (source, file) in enumerate(zip(inputs, files, strict=True))
+        }
+        for future in as_completed(futures):
+            number = futures[future]
+            try:
+                result = future.result()
+            except CancelledError:  # by nobody here: with the scheduler all it knew is gone
+                break
+            except Exception as error:
+                result = FrameResult(inputs[number], files[number], "failed", reason=reason(error))
+            done[number] = result
+            report(result)
+    except (OSError, TimeoutError):
+        pass
+    if len(done) < len(inputs):
+        raise SequenceError(f"the scheduler was lost after {len(done)} of {len(inputs)} frames; the same call does the rest")
+    yield from (done[number] for number in range(len(inputs)))
+
+
+def _checked_workers(client: Any) -> dict[str, float] | None:
+    """Return the resources that a frame takes. SequenceError: no worker, or one of another version."""
+    try:
+        client.wait_for_workers(1, timeout=30)
+        versions = client.run(_version)
+    except (OSError, TimeoutError) as error:
+        raise SequenceError(f"the scheduler does not answer, or has no worker after 30 s: {error}") from error
+    wrong = {address: version for address, version in versions.items() if version != __version__}
+    if wrong:
+        listed = ", ".join(f"{address} has {version}" for address, version in sorted(wrong.items())[:5])
+        raise SequenceError(f"workers have another version of ssgi_cl than {__version__}: {listed}; install the same")
+    workers = client.scheduler_info(n_workers=-1)["workers"].values()
+    return {RESOURCE: 1.0} if all(RESOURCE in (each.get("resources") or {}) for each in workers) else None
+
+
+def _version() -> str:
+    return __version__
+
+
+def _on_worker(work: Callable[..., FrameResult], *arguments: Any) -> FrameResult:
+    """Do a frame in a worker's process, on its share of the processor."""
+    from distributed import get_worker
+
+    threads = str(get_worker().state.nthreads)
+    for name in _LIMITS:  # read when PoCL is loaded, which the first frame does
+        os.environ.setdefault(name, threads)
+    return work(*arguments)

@@ -28,6 +28,7 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.io import exr
 from ssgi_cl.io.console import (
     DEFAULT_FOV,
+    GroupedCommand,
     NearestChoice,
     checked_output,
     device_option,
@@ -50,9 +51,18 @@ _LONG = 300
 
 OFFERED = {name: each for name, each in CATALOGUE.items() if each.command}
 """The techniques that `ssgi apply` takes."""
+_GROUPS = {
+    "Output": ("output", "overwrite"),
+    "Input": ("layer", "part", "normal_space", "no_normals", "nan", "invalid"),
+    "Camera": ("fov", "ortho", "intrinsics"),
+    "Light (ssdo)": ("sky", "sun", "lit"),
+    "Quality": ("settings", "method", "preset", "error", "budget_ms"),
+    "Device and report": ("device", "as_json"),
+}
+"""Headings of the help, and the options under each."""
 
 
-@click.command("apply")
+@click.command("apply", cls=GroupedCommand, groups=_GROUPS)
 @click.argument("technique", type=NearestChoice(sorted(OFFERED)))
 @click.argument("source", metavar="IN.exr", required=False, type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="The result, .exr.")

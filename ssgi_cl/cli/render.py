@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ssgi_cl.cli.facts import camera_facts, light_facts
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.errors import shown
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light
@@ -22,6 +23,7 @@ from ssgi_cl.io import png
 from ssgi_cl.io.console import (
     DEFAULT_FOV,
     VECTOR,
+    GroupedCommand,
     checked_output,
     device_option,
     human_errors,
@@ -47,9 +49,20 @@ _AS_GIVEN = (
     *("ao_samples", "shadow_size", "rsm_size", "exposure"),
 )
 """Options that are arguments of `render` as they are."""
+_GROUPS = {
+    "Output": ("output", "views", "width", "height", "exposure"),
+    "Scene and camera": ("eye", "target", "up", "fov", "camera", "cull", "no_textures"),
+    "Light": (
+        *("ambient", "environment", "bounces", "ao", "ao_radius", "ao_samples"),
+        *("indirect", "method", "vpls", "glossy_vpls", "indirect_ao"),
+    ),
+    "Quality": ("preset", "layers", "auxiliary_cameras", "shadow_size", "rsm_size", "no_skips"),
+    "Device and report": ("device", "explain", "as_json"),
+}
+"""Headings of the help, and the options under each."""
 
 
-@click.command("render")
+@click.command("render", cls=GroupedCommand, groups=_GROUPS)
 @click.argument("scene", metavar="SCENE")
 @click.option(
     "-o",
@@ -204,6 +217,9 @@ def render_command(scene: str, output: Path, as_json: bool, **options: Any) -> N
             "width": camera.width,
             "height": camera.height,
             "triangles": len(loaded.triangles),
+            "camera": camera_facts(camera),
+            "lights": [light_facts(light) for light in lights],
+            "exposure": frame.exposure,
             "wall_ms": round(frame.wall_ms, 3),
             "notes": list(loaded.notes),
         },

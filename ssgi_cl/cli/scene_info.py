@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import fields
 from typing import Any
 
 import click
 import numpy as np
 
+from ssgi_cl.cli.facts import camera_facts, light_facts, placed
 from ssgi_cl.cli.render import frame_arguments, render_command
 from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.digits import place_text
 from ssgi_cl.core.lights import Light
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.scene_camera import SceneCamera
@@ -78,28 +79,13 @@ def _facts(name: str, scene: Scene, camera: Camera, lights: tuple[Light, ...], d
         ],
         "textures": [[texture.shape[1], texture.shape[0]] for texture in scene.textures],
         "cameras": {name: _scene_camera(each) for name, each in scene.cameras.items()},
-        "lights": [_light(light) for light in scene.lights],
-        "camera": {**_place(camera.view), "width": camera.width, "height": camera.height, **_field(camera)},
-        "used_lights": [_light(light) for light in lights],
+        "lights": [light_facts(light) for light in scene.lights],
+        "camera": camera_facts(camera),
+        "used_lights": [light_facts(light) for light in lights],
         "ao_radius": CONTACT * cell_size(scene),
         "direct_ao_radius": direct,
         "notes": list(scene.notes),
     }
-
-
-def _place(view: np.ndarray) -> dict[str, Any]:
-    return {
-        "eye": (-view[:3, :3].T @ view[:3, 3]).tolist(),
-        "forward": (-view[2, :3]).tolist(),
-        "up": view[1, :3].tolist(),
-    }
-
-
-def _field(camera: Camera) -> dict[str, float]:
-    scale = float(camera.projection[1, 1])
-    if camera.is_orthographic:
-        return {"view_height": 2.0 / scale}
-    return {"fov": math.degrees(2.0 * math.atan(1.0 / scale))}
 
 
 def _scene_camera(camera: SceneCamera) -> dict[str, Any]:
@@ -109,7 +95,7 @@ def _scene_camera(camera: SceneCamera) -> dict[str, Any]:
     far = camera.far if math.isfinite(camera.far) else None
     return {
         "kind": camera.kind,
-        **_place(camera.view),
+        **placed(camera.view),
         **size,
         "aspect": camera.aspect,
         "near": camera.near,
@@ -117,46 +103,25 @@ def _scene_camera(camera: SceneCamera) -> dict[str, Any]:
     }
 
 
-def _light(light: Light) -> dict[str, Any]:
-    """Return kind and values; an environment's image is given by its size and mean."""
-    values: dict[str, Any] = {"kind": type(light).__name__}
-    for field in fields(light):
-        value = getattr(light, field.name)
-        if isinstance(value, np.ndarray) and value.ndim == 3:
-            values["image"] = [value.shape[1], value.shape[0]]
-            value = _sphere_mean(value)
-        values[field.name] = value.tolist() if isinstance(value, np.ndarray) else value
-    for name in ("cone_angle", "angle"):
-        if name in values:
-            values[name] = math.degrees(values[name])
-    return values
-
-
-def _sphere_mean(image: np.ndarray) -> np.ndarray:
-    """Return the mean radiance of a latitude-longitude image over the sphere."""
-    edges = np.cos(np.linspace(0.0, math.pi, len(image) + 1))
-    mean: np.ndarray = 0.5 * np.einsum("r,rd->d", edges[:-1] - edges[1:], image.mean(axis=1))
-    return mean
-
-
 def _lines(facts: dict[str, Any]) -> list[str]:
     """Return the lines of text."""
     low, high = facts["bounds"]
+    extent = math.dist(low, high)
     textures = ", ".join(f"{wide} x {tall}" for wide, tall in facts["textures"])
     lines = [
         f"scene      {facts['scene']}",
-        f"bounds     {_numbers(low)} to {_numbers(high)}",
+        f"bounds     {place_text(low, extent)} to {place_text(high, extent)}",
         f"triangles  {facts['triangles']} of {facts['vertices']} vertices",
         f"textures   {len(facts['textures'])}" + (f": {textures}" if textures else ""),
         f"materials  {len(facts['materials'])}",
         *(_material_line(material) for material in facts["materials"]),
     ]
     for name, camera in facts["cameras"].items():
-        lines.append(f"camera     {name!r}: {_camera_text(camera)}, {camera['kind']}")
-    lines += [f"light      {_light_text(light)}" for light in facts["lights"]]
+        lines.append(f"camera     {name!r}: {_camera_text(camera, extent)}, {camera['kind']}")
+    lines += [f"light      {_light_text(light, extent)}" for light in facts["lights"]]
     lines += [f"note       {note}" for note in facts["notes"]]
-    lines += ["drawn with", f"  camera   {_camera_text(facts['camera'])}"]
-    lines += [f"  light    {_light_text(light)}" for light in facts["used_lights"]]
+    lines += ["drawn with", f"  camera   {_camera_text(facts['camera'], extent)}"]
+    lines += [f"  light    {_light_text(light, extent)}" for light in facts["used_lights"]]
     return [*lines, f"  AO radius {facts['ao_radius']:.4g}, with --bounces 0 {facts['direct_ao_radius']:.4g}"]
 
 
@@ -177,17 +142,18 @@ def _material_line(material: dict[str, Any]) -> str:
     return f"  {material['name'] or '(no name)'}: {', '.join(parts)}"
 
 
-def _camera_text(camera: dict[str, Any]) -> str:
+def _camera_text(camera: dict[str, Any], extent: float) -> str:
     size = f"fov {camera['fov']:.4g}" if "fov" in camera else f"height {camera['view_height']:.4g}"
-    return f"eye {_numbers(camera['eye'])}, forward {_numbers(camera['forward'])}, {size}"
+    return f"eye {place_text(camera['eye'], extent)}, forward {_numbers(camera['forward'])}, {size}"
 
 
-def _light_text(light: dict[str, Any]) -> str:
-    values = [
-        f"{name} {_numbers(value) if isinstance(value, list) else format(value, '.4g')}"
-        for name, value in light.items()
-        if name != "kind" and value != 0.0
-    ]
+def _light_text(light: dict[str, Any], extent: float) -> str:
+    def text(name: str, value: Any) -> str:
+        if not isinstance(value, list):
+            return format(value, ".4g")
+        return place_text(value, extent) if name == "position" else _numbers(value)
+
+    values = [f"{name} {text(name, value)}" for name, value in light.items() if name != "kind" and value != 0.0]
     return f"{light['kind']}: {', '.join(values)}"
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core import checks
+from ssgi_cl.core.digits import place_text
 from ssgi_cl.core.immutable import Immutable, frozen
 
 DepthRange = Literal["-1..1", "0..1"]
@@ -72,7 +73,7 @@ class Camera(Immutable):
             )
 
     def __repr__(self) -> str:
-        eye, ahead = (", ".join(f"{value:.4g}" for value in vector) for vector in (self.position, -self.view[2, :3]))
+        eye, ahead = (place_text(vector, 1.0, ", ") for vector in (self.position, -self.view[2, :3]))
         if self.is_orthographic:
             field = f"orthographic, {2.0 / self.projection[1, 1]:.4g} high"
         else:

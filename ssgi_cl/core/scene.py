@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core import checks
+from ssgi_cl.core.digits import place_text
 from ssgi_cl.core.immutable import Immutable, frozen
 from ssgi_cl.core.lights import Light
 from ssgi_cl.core.scene_camera import SceneCamera
@@ -143,7 +144,8 @@ class Scene(Immutable):
     notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
-        low, high = (", ".join(f"{value:.4g}" for value in corner) for corner in self.bounds)
+        extent = float(np.linalg.norm(np.ptp(self.bounds, axis=0)))
+        low, high = (place_text(corner, extent, ", ") for corner in self.bounds)
         notes = [f"note: {note}" for note in self.notes[:_MOST_NOTES]]
         if len(self.notes) > _MOST_NOTES:
             notes.append(f"and {len(self.notes) - _MOST_NOTES} more notes")

@@ -9,7 +9,7 @@ import resource
 import shutil
 import sys
 import textwrap
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
 from functools import wraps
@@ -126,6 +126,31 @@ def wrapped(text: str, indent: str) -> str:
     return textwrap.fill(
         text, width, initial_indent=indent, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
     )
+
+
+class GroupedCommand(click.Command):
+    """A command whose help lists options under headings.
+
+    Args:
+        groups: heading -> names of its options, as the command's function has them; what is in none comes last,
+            under "Other options".
+    """
+
+    def __init__(self, *args: Any, groups: Mapping[str, Sequence[str]], **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.groups = groups
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the options, group by group."""
+        options = [param for param in self.get_params(ctx) if isinstance(param, click.Option)]
+        lines = {option.name: line for option in options if (line := option.get_help_record(ctx)) is not None}
+        named = {name for names in self.groups.values() for name in names}
+        rest = [name for name in lines if name not in named]
+        for heading, names in (*self.groups.items(), ("Other options", rest)):
+            listed = [lines[name] for name in names if name in lines]
+            if listed:
+                with formatter.section(heading):
+                    formatter.write_dl(listed)
 
 
 class NearestChoice(click.Choice):  # type: ignore[type-arg]  # no generic before click 8.2

@@ -70,10 +70,11 @@ class Bound:
     def unreachable(self, tried: Sequence[Trial], metric: str) -> str:
         """Return the message for when no trial keeps it."""
         if self.budget_ms is not None:
-            least = min((trial.ms for trial in tried), default=math.inf)
+            fastest = min(tried, key=lambda trial: trial.ms)
+            setting = ", ".join(f"{name}={value!r}" for name, value in fastest.parameters.items())
             return (
                 f"budget_ms is {self.budget_ms:g}: nothing is as fast; the fastest of "
-                f"{len(tried)} trials takes {least:.3g} ms"
+                f"{len(tried)} trials, {setting}, takes {fastest.ms:.3g} ms"
             )
         lowest = min((t.error for t in tried if t.error is not None), default=math.inf)
         return (

@@ -16,6 +16,7 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.raster.view import MOST_LAYERS
 from ssgi_cl.rasterize.scenes import BuiltinScene
 from ssgi_cl.techniques.technique import Technique
+from ssgi_cl.truth.raycast import embree_version
 from ssgi_cl.tuning.context import Context, Progress, TruthSettings
 from ssgi_cl.tuning.outcome import Bound, TuneError, Tuning
 from ssgi_cl.tuning.search import Cost, narrow
@@ -91,6 +92,7 @@ def tune(
         max_error = checks.number("max_error", max_error, low=0.0, above=True)
     checks.integer("rounds", rounds, low=1, high=10)
     checks.integer("seed", seed, low=0, high=2**31)
+    embree_version()  # errors are measured against cast rays: without them there is no use in the rest
     session = Session(
         entry,
         views_of(scenes),

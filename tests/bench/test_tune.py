@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -107,6 +108,17 @@ def test_budget_gives_the_least_error_within_the_time(tuned: Tuned) -> None:
     assert all(trial.error is None for trial in slow)
 
 
+def test_without_cast_rays_it_fails_before_any_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    def work(*_: object, **__: object) -> None:
+        raise AssertionError("something was done first")
+
+    monkeypatch.setitem(sys.modules, "embreex", None)
+    monkeypatch.setattr(module, "Session", work)
+    monkeypatch.setattr(module, "views_of", work)
+    with pytest.raises(gi.MissingExtraError, match=r"ssgi-cl\[truth\]"):
+        gi.tune("ssao", budget_ms=1.0)
+
+
 def test_error_bound_gives_the_least_time_within_the_error(tuned: Tuned) -> None:
     tuning = tuned(max_error=0.04)
     # 32 samples have 1/32 where the bias is nearly right; 16 are at best 1/16.
@@ -134,7 +146,7 @@ def test_front_holds_what_no_other_beats_in_time_and_error(tuned: Tuned) -> None
 
 
 def test_budget_that_nothing_keeps_is_an_error_that_says_what_was_reached(tuned: Tuned) -> None:
-    with pytest.raises(TuneError, match=r"budget_ms is 0.05: .* takes 0.1 ms"):
+    with pytest.raises(TuneError, match=r"budget_ms is 0.05: .*, samples=4, .*resolution='half'.*, takes 0.1 ms"):
         tuned(budget_ms=0.05)
     with pytest.raises(TuneError, match=r"max_error is 0.001: .* has rmse 0.0156"):
         tuned(max_error=0.001)

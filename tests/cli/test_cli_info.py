@@ -133,3 +133,13 @@ def test_text_names_everything(file: Path) -> None:
 )
 def test_faults_are_one_line(tmp_path: Path, arguments: list[str], message: str) -> None:
     assert message in fails(tmp_path, "info", *arguments)
+
+
+def test_corners_of_a_scene_in_the_metres_of_a_map_are_told_apart(tmp_path: Path) -> None:
+    path = tmp_path / "map.obj"
+    path.write_text("v 500000.5 120 5000000\nv 500080 120 5000000\nv 500000.5 150 5000010\nf 1 2 3\n")
+    (bounds,) = (line for line in succeeds("info", path).stdout.splitlines() if line.startswith("bounds"))
+    numbers = bounds.removeprefix("bounds").replace("to", "").split()
+    low, high = np.array([500000.5, 120, 5000000]), np.array([500080, 150, 5000010])
+    # A ten-thousandth of the extent, 85: more than is lost to float32 about the scene's origin.
+    np.testing.assert_allclose([float(number) for number in numbers], [*low, *high], rtol=0, atol=8.5e-3)

@@ -11,7 +11,9 @@ import pytest
 from PIL import Image
 
 from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.frame.render import render
 from ssgi_cl.io import exr
+from ssgi_cl.rasterize.scenes import make_scene
 
 from .commands import DIRECT, SHAPE, SMALL, answer, fails, process, succeeds
 
@@ -84,6 +86,17 @@ def test_render_reports_passes_and_device(tmp_path: Path, runtime: Runtime) -> N
     assert (facts["scene"], facts["width"], facts["height"]) == ("cornell_box", 64, 48)
     assert facts["triangles"] == 32
     assert facts["wall_ms"] > 0.0
+    assert "form" not in facts
+    assert facts["variant"] == str(runtime.variant)
+    # What an API's caller gives for the same picture.
+    box = make_scene("cornell_box")
+    camera = box.camera(64, 48)
+    np.testing.assert_allclose(facts["camera"]["eye"], camera.position, rtol=0, atol=1e-12)  # roundings of float64
+    np.testing.assert_allclose(facts["camera"]["forward"], -camera.view[2, :3], rtol=0, atol=1e-12)
+    assert facts["camera"]["fov"] == pytest.approx(np.degrees(box.yfov))
+    assert [light["kind"] for light in facts["lights"]] == [type(light).__name__ for light in box.lights]
+    frame = render(box.scene, camera, box.lights, bounces=0, ao_radius=box.ao_radius, shadow_size=64, runtime=runtime)
+    assert facts["exposure"] == frame.exposure
     passes = {entry["name"]: entry for entry in facts["passes"]}
     assert passes["tonemap"]["ms"] >= 0.0
     assert passes["tonemap"]["skipped"] is None

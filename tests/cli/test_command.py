@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 
+import click
 import pytest
 from click.testing import CliRunner
 
+from ssgi_cl.cli.apply import apply_command
 from ssgi_cl.cli.command import COMMANDS, main
+from ssgi_cl.cli.render import render_command
+from ssgi_cl.io.console import GroupedCommand
 
 
 def test_help_imports_no_part_of_the_library() -> None:
@@ -34,3 +39,33 @@ def test_a_misspelt_command_names_the_nearest() -> None:
     assert result.exit_code == 2
     assert "No such command 'rendr'. Did you mean 'render'?" in result.output
     assert "There are apply, bench" in CliRunner().invoke(main, ["xyz"]).output
+
+
+@pytest.mark.parametrize("command", [render_command, apply_command], ids=lambda command: command.name)
+def test_each_option_is_under_one_heading(command: GroupedCommand) -> None:
+    grouped = [name for names in command.groups.values() for name in names]
+    options = [param.name for param in command.params if isinstance(param, click.Option)]
+    assert sorted(grouped) == sorted(options)
+    text = CliRunner().invoke(main, [str(command.name), "--help"]).output
+    headings = re.findall(r"^(\w[^\n]*):$", text, re.MULTILINE)
+    assert headings == [*command.groups, "Other options"]
+    assert text.split("Other options:\n")[1].split() == ["-h,", "--help", "Show", "this", "message", "and", "exit."]
+    options_by_name = {param.name: param for param in command.params}
+    first = [options_by_name[name].opts[0] for name in grouped]
+    places = [re.search(rf"^  {name}\b", text, re.MULTILINE) for name in first]
+    starts = [place.start() for place in places if place is not None]
+    assert len(starts) == len(first)
+    assert starts == sorted(starts)
+
+
+def test_an_option_without_a_heading_is_listed_last() -> None:
+    @click.command(cls=GroupedCommand, groups={"First": ("b",), "Empty": ()})
+    @click.option("--a", help="of no heading")
+    @click.option("--b", help="of the first")
+    def command(**_: object) -> None:
+        pass
+
+    lines = CliRunner().invoke(command, ["--help"]).output.splitlines()
+    assert "Empty:" not in lines
+    assert lines[lines.index("First:") + 1].split()[:2] == ["--b", "TEXT"]
+    assert lines[lines.index("Other options:") + 1].split()[:2] == ["--a", "TEXT"]

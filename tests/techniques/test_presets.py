@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import re
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -281,10 +282,12 @@ def test_each_recorded_technique_is_chosen_by_name_error_and_time_and_refused_wi
     assert chosen.radius in (0.7, (0.7,))
     assert choose(technique, SIZE, error=curve[0].error_cut).error <= curve[0].error_cut
     assert choose(technique, SIZE, budget_ms=1e9, runtime=runtime).ms is not None
+    # With the same speed everywhere, the first of the curve.
+    setting = re.escape(", ".join(f"{key}={value!r}" for key, value in curve[0].parameters.items()))
     with pytest.raises(
         ValueError,
         match=(
-            rf"budget_ms is 0.001: cannot be met: the fastest setting of {technique} takes about "
+            rf"budget_ms is 0.001: cannot be met: the fastest setting of {technique}, {setting}, takes about "
             r"\d+(\.\d+)? ms here at 800 x 600"
         ),
     ):

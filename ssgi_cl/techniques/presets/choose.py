@@ -89,9 +89,11 @@ def choice_for(
         ]
         fast = [pair for pair in timed if pair[0] <= budget]
         if not fast:
+            least, fastest = min(timed, key=lambda pair: pair[0])
+            named = ", ".join(f"{key}={value!r}" for key, value in fastest.parameters.items())
             raise ValueError(
-                f"budget_ms is {budget:g}: cannot be met: the fastest setting of {name} takes "
-                f"about {min(ms for ms, _ in timed):.2g} ms here at {size[1]} x {size[0]}"
+                f"budget_ms is {budget:g}: cannot be met: the fastest setting of {name}, {named}, takes "
+                f"about {least:.2g} ms here at {size[1]} x {size[0]}"
             )
         ms, setting = min(fast, key=lambda pair: error_of(pair[1]))
     params = technique.defaults(**{**setting.parameters, **given})

@@ -41,6 +41,7 @@ from .rasterize.raster.blended_layers import blended_layers as blended_layers
 from .rasterize.raster.default_camera import default_camera as default_camera
 from .rasterize.raster.default_camera import default_lights as default_lights
 from .rasterize.raster.shadow_map import shadow_maps as shadow_maps
+from .sequences.map_frames import map_frames as map_frames
 from .techniques.ao.bitmask_ao import BitmaskAo as BitmaskAo
 from .techniques.ao.bitmask_ao import BitmaskParams as BitmaskParams
 from .techniques.ao.bitmask_ao import bitmask_ao as bitmask_ao
@@ -75,9 +76,6 @@ from .techniques.presets.choose import Choice as Choice
 from .techniques.radiosity.radiosity import Radiosity as Radiosity
 from .techniques.radiosity.radiosity import RadiosityParams as RadiosityParams
 from .techniques.radiosity.radiosity import radiosity as radiosity
-from .sequences.frame_result import FrameResult as FrameResult
-from .sequences.frame_result import FrameResults as FrameResults
-from .sequences.map_frames import map_frames as map_frames
 from .techniques.reflections.reflections import Reflections as Reflections
 from .techniques.reflections.reflections import ReflectionsParams as ReflectionsParams
 from .techniques.reflections.reflections import reflections as reflections

@@ -5,29 +5,21 @@ from __future__ import annotations
 import json
 import math
 import re
-from contextlib import redirect_stdout
-from dataclasses import replace
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import click
-import numpy as np
-from numpy.typing import NDArray
 
-from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.depth_kind import KINDS, planar_of
-from ssgi_cl.core.depth_maps import world_normals
+from ssgi_cl.cli.frames import frames_options, run_frames
+from ssgi_cl.core.depth_kind import KINDS
 from ssgi_cl.core.errors import shown
-from ssgi_cl.core.gbuffer import NAN, GBuffer
+from ssgi_cl.core.gbuffer import NAN
 from ssgi_cl.core.keywords import unknown_name
-from ssgi_cl.core.lights import DirectionalLight, Environment, Light
-from ssgi_cl.core.normal_space import ENCODED, SAME, SPACES, UnclearSpaceError
+from ssgi_cl.core.normal_space import ENCODED, SPACES
 from ssgi_cl.core.params import Params, describe, parameter_fields
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.io import exr
 from ssgi_cl.io.console import (
-    DEFAULT_FOV,
     GroupedCommand,
     NearestChoice,
     checked_output,
@@ -39,8 +31,9 @@ from ssgi_cl.io.console import (
     wrapped,
     yfov_of,
 )
-from ssgi_cl.io.exr_header import ExrHeader, read_headers
 from ssgi_cl.io.exr_layouts import LAYOUTS
+from ssgi_cl.sequences.apply_exr import ApplyExr, Passes, lights_of
+from ssgi_cl.sequences.frame_names import FrameNames
 from ssgi_cl.techniques.catalogue import CATALOGUE
 from ssgi_cl.techniques.technique import Technique
 
@@ -53,8 +46,12 @@ OFFERED = {name: each for name, each in CATALOGUE.items() if each.command}
 """The techniques that `ssgi apply` takes."""
 _GROUPS = {
     "Output": ("output", "overwrite"),
-    "Input": ("layer", "part", "normal_space", "no_normals", "nan", "invalid"),
-    "Camera": ("fov", "ortho", "intrinsics"),
+    "Input": (
+        *("layout", "channels", "layer", "part", "depth_kind", "depth_range", "normal_space", "no_normals"),
+        *("nan", "invalid"),
+    ),
+    "Camera": ("fov", "camera_file", "ortho", "intrinsics"),
+    "Sequence": ("frames", "again", "scheduler"),
     "Light (ssdo)": ("sky", "sun", "lit"),
     "Quality": ("settings", "method", "preset", "error", "budget_ms"),
     "Device and report": ("device", "as_json"),
@@ -180,6 +177,7 @@ _GROUPS = {
 )
 @click.option("--layer", metavar="NAME", help="Layer whose channels are read, such as ViewLayer; found by default.")
 @click.option("--part", metavar="NAME", help="Part of a file of several parts; all by default.")
+@frames_options
 @device_option
 @json_option
 @human_errors
@@ -210,6 +208,9 @@ def apply_command(
     channels: tuple[str, ...],
     layer: str | None,
     part: str | None,
+    frames: str | None,
+    again: bool,
+    scheduler: str | None,
     device: str | None,
     as_json: bool,
 ) -> None:
@@ -221,11 +222,14 @@ def apply_command(
     other axes), or a world's, as those of `ssgi render` and of Blender; what was read and found is
     printed. The result covers the file's data window, margin included.
 
+    With #### for the numbers of frames in the names of IN.exr and of the output, a sequence is done: what is done
+    already is skipped, a bad frame stops no other, and the exit status is 1 if any failed.
+
     ssdo writes irradiance, direct and bounce. Without --sky, --sun and --lit its light is a sky of
     radiance 1.
     """
     chosen = OFFERED[technique]
-    params, lit_by = chosen.params, "lights" in chosen.reads
+    params = chosen.params
     if "help" in settings:
         _list_parameters(params, as_json)
         return
@@ -233,10 +237,6 @@ def apply_command(
         raise click.UsageError("Missing argument 'IN.exr'.")
     if output is None:
         raise click.UsageError("Missing option '-o' / '--output'.")
-    checked_output(output, (".exr",))
-    adds = source.exists() and output.exists() and source.samefile(output)  # by links too
-    if adds and not overwrite:
-        raise click.UsageError(f"--output is {output}: that is the input; --overwrite adds the result to its channels")
     if method is not None:
         settings = (*settings, f"method={method}")
     parameters = dict(_setting(text, technique, params) for text in settings)
@@ -245,40 +245,56 @@ def apply_command(
     _check_lights(chosen, {"--sky": sky, "--sun": sun, "--lit": lit or None}, asked)
     if sum(value is not None for value in (fov, ortho, intrinsics, camera_file)) > 1:
         raise click.UsageError("--fov, --camera, --ortho and --intrinsics exclude each other")
+    passes = Passes(
+        yfov=None if fov is None else yfov_of({"fov": fov}, 0.0),
+        view_height=ortho,
+        intrinsics=intrinsics,
+        camera_file=camera_file,
+        channels=_given_channels(channels),
+        layer=layer,
+        part=part,
+        layout=layout,
+        normal_space=normal_space,
+        depth_kind=depth_kind,
+        depth_range=depth_range,
+        invalid=invalid,
+        nan=nan,
+        normals=not no_normals,
+    )
+    work = ApplyExr(
+        technique=technique, parameters=parameters, passes=passes, lights=lights_of(sky, sun), lit=lit, device=device
+    )
+    names = FrameNames.of(source)
+    if names is None and (frames is not None or scheduler is not None):
+        raise click.UsageError(f"IN.exr is {source}: expected #### in its name with --frames or --scheduler")
+    if names is not None:
+        run_frames(work, names, output, frames=frames, again=again, scheduler=scheduler, as_json=as_json)
+        return
+    _apply_one(work, source, output, overwrite=overwrite, as_json=as_json)
+
+
+def _apply_one(work: ApplyExr, source: Path, output: Path, *, overwrite: bool, as_json: bool) -> None:
+    """Apply a technique to one file, and report what ran."""
+    checked_output(output, (".exr",))
+    adds = source.exists() and output.exists() and source.samefile(output)  # by links too
+    if adds and not overwrite:
+        raise click.UsageError(f"--output is {output}: that is the input; --overwrite adds the result to its channels")
     with progress(as_json) as step:
         step("opening the device")
-        runtime = Runtime.open(device)
+        runtime = Runtime.open(work.device)
         step(f"reading {source}")
-        axes, camera, said = _camera(source, fov, ortho, intrinsics, camera_file)
-        with redirect_stdout(StringIO()):  # OpenEXR prints warnings there; errors are raised too
-            arrays, expected = exr.read_with_kind(
-                source, _given_channels(channels), layer=layer, part=part, layout=layout
-            )
-        notes = [said, *arrays.pop("notes")]
-        for number in invalid:
-            arrays["depth"][arrays["depth"] == np.float32(number)] = np.inf
-        notes.append(_plane(arrays, camera, depth_kind, expected, depth_range, source))
-        # What the technique does not read may hold anything.
-        unused = tuple(name for name in ("albedo", "emission") if name not in chosen.reads)
-        for name in (*unused, "normal") if no_normals else unused:
-            arrays.pop(name, None)
-        if "normal" in arrays:
-            arrays["normal"], note = _normals(arrays, camera, normal_space, source, axes)
-            notes.append(note)
-        gbuffer = GBuffer(camera=camera, nan=nan, **arrays)  # type: ignore[arg-type]
-        step(f"computing {technique}")
-        inputs: list[Any] = [gbuffer]
-        if lit_by:
-            parameters["radiance"] = _image(source) if lit else None
-            inputs.append(_lights(sky, sun, none=lit))
-        results = _channels(chosen, chosen.function(*inputs, runtime=runtime, **parameters))
-        passes = runtime.times()
+        frame = work.read(source)
+        step(f"computing {work.technique}")
+        results = work.compute(frame, runtime)
+        times = runtime.times()
         step("writing the file")
         if adds:
             exr.add(output, results)
         else:
             exr.write(output, results, like=source)
-    report(as_json, runtime, passes, [output], {"width": camera.width, "height": camera.height, "notes": notes})
+    camera = frame.gbuffer.camera
+    facts = {"width": camera.width, "height": camera.height, "notes": list(frame.notes)}
+    report(as_json, runtime, times, [output], facts)
 
 
 def _given_channels(options: tuple[str, ...]) -> dict[str, str | tuple[str, ...]]:
@@ -292,51 +308,6 @@ def _given_channels(options: tuple[str, ...]) -> dict[str, str | tuple[str, ...]
     return given
 
 
-def _plane(
-    arrays: dict[str, Any],
-    camera: Camera,
-    kind: str | None,
-    expected: str,
-    values: tuple[float, float] | None,
-    source: Path,
-) -> str:
-    """Make a file's depth planar; return a note on what it was."""
-    try:
-        arrays["depth"], note = planar_of(arrays["depth"], camera, kind, expected=expected, depth_range=values)
-    except ValueError as error:
-        words = str(error).replace("depth_kind=", "--depth ").replace("depth_range=", "--depth-range ")
-        raise ValueError(f"{source}: {words}") from None
-    return note
-
-
-def _normals(
-    arrays: dict[str, Any], camera: Camera, space: str | None, source: Path, axes: NDArray[np.float64] | None
-) -> tuple[Any, str]:
-    """Return the normals of a file in the world of the camera, and a note on what theirs was.
-
-    `axes`: from the file's world to that of the camera; None where it is not known.
-    """
-    normal, depth = arrays["normal"], arrays["depth"]
-    with np.errstate(invalid="ignore"):
-        depth = np.where(depth > 0.0, depth, np.inf)  # holes and NaN tell nothing of the space
-    try:
-        return world_normals(normal, depth, camera, space, known=axes is not None, axes=SAME if axes is None else axes)
-    except UnclearSpaceError as error:
-        if not error.few:
-            raise ValueError(f"{source}: {str(error).replace('normal_space', '--normals')}") from None
-        return normal, "normals are taken for camera space: too few surfaces tell theirs"
-
-
-def _channels(technique: Technique, result: Any) -> dict[str, Any]:
-    """Return what the technique found, by the names that it has in a file."""
-    results = result if isinstance(result, tuple) else (result,)
-    channels = dict(zip(technique.writes, results, strict=False))  # the last ones are optional
-    bent = channels.pop("bent", None)
-    if bent is not None:
-        channels |= {f"bent.{axis}": bent[..., i] for i, axis in enumerate("XYZ")}
-    return channels
-
-
 def _check_lights(chosen: Technique, lights: dict[str, Any], asked: dict[str, Any]) -> None:
     """Raise for options that the technique doesn't have."""
     if "lights" in chosen.reads:
@@ -347,74 +318,6 @@ def _check_lights(chosen: Technique, lights: dict[str, Any], asked: dict[str, An
     wrong = [name for name, value in lights.items() if value is not None]
     if wrong:
         raise click.UsageError(f"{wrong[0]} is for ssdo: {chosen.name} knows no light")
-
-
-def _lights(sky: tuple[float, ...] | None, sun: tuple[float, ...] | None, *, none: bool) -> list[Light]:
-    """Return the lights that were asked for; an even sky if none was and none is not allowed."""
-    lights: list[Light] = []
-    if sky is not None:
-        lights.append(Environment(sky))
-    if sun is not None:
-        lights.append(DirectionalLight(sun[:3], sun[3]))
-    return lights if lights or none else [Environment(1.0)]
-
-
-def _image(path: Path) -> NDArray[np.float32]:
-    """Return R, G and B of an OpenEXR file, [rows, columns, 3]."""
-    with redirect_stdout(StringIO()):
-        present = exr.read(path)
-    missing = [name for name in "RGB" if name not in present]
-    if missing:
-        raise ValueError(f"{path} has no channel {missing[0]}, which --lit needs; it has {', '.join(present)}")
-    return np.stack([present[name].astype(np.float32, copy=False) for name in "RGB"], axis=-1)
-
-
-def _camera(
-    source: Path, fov: float | None, ortho: float | None, intrinsics: tuple[float, ...] | None, file: Path | None
-) -> tuple[NDArray[np.float64] | None, Camera, str]:
-    """Return [3, 3] from the file's world to the camera's (None if unknown), the camera of the data window, and a note.
-
-    Options are of the display window; without any it is the one in the file's header.
-    """
-    header = read_headers(source)[0]
-    left, top, right, bottom = header.display
-    rows, columns = header.size
-    window = header.data[0] - left, header.data[1] - top, columns, rows
-    if file is not None:
-        from ssgi_cl.rasterize.raster.default_camera import camera_from_json
-
-        return SAME, camera_from_json(file, right - left + 1, bottom - top + 1).cropped(*window), f"camera: {file}"
-    if (fov, ortho, intrinsics) == (None, None, None):
-        found = exr.read_camera(source)
-        if found.camera is not None:
-            camera, size = found.camera, header.size
-            return found.axes, camera if camera.size == size else camera.cropped(*window), found.note
-        said = f"camera: {DEFAULT_FOV:g} degrees high are assumed, see --fov" + (
-            f" ({found.note})" if found.note else ""
-        )
-        return None, _apply_camera(header, fov, ortho, intrinsics), said
-    return None, _apply_camera(header, fov, ortho, intrinsics), "camera: as the options say"
-
-
-def _apply_camera(
-    header: ExrHeader, fov: float | None, ortho: float | None, intrinsics: tuple[float, ...] | None
-) -> Camera:
-    """Return the camera of the data window, from the options, which are of the display window."""
-    left, top, right, bottom = header.display
-    size: dict[str, Any] = {"width": right - left + 1, "height": bottom - top + 1}
-    eye, target = (0.0, 0.0, 0.0), (0.0, 0.0, -1.0)
-    if intrinsics is not None:
-        camera = Camera.from_intrinsics(*intrinsics, **size)
-    elif ortho is not None:
-        camera = Camera.orthographic(eye, target, view_height=ortho, **size)
-    else:
-        yfov = yfov_of({"fov": fov}, math.radians(DEFAULT_FOV))
-        camera = Camera.look_at(eye, target, yfov=yfov, **size)
-    if header.pixel_aspect != 1.0 and intrinsics is None:
-        stretched = np.diag([1.0 / header.pixel_aspect, 1.0, 1.0, 1.0]) @ camera.projection
-        camera = replace(camera, projection=stretched)
-    rows, columns = header.size
-    return camera.cropped(header.data[0] - left, header.data[1] - top, columns, rows)
 
 
 def _setting(text: str, technique: str, params: type[Params]) -> tuple[str, Any]:

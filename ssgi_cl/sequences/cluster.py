@@ -43,7 +43,7 @@ def on_cluster(
             client.submit(_on_worker, work, source, file, pure=False, retries=retries, resources=resources): number
             for number, (source, file) in enumerate(zip(inputs, files, strict=True))
         }
-        for future in as_completed(futures):
+        for future in as_completed(futures):  # type: ignore[no-untyped-call]
             number = futures[future]
             try:
                 result = future.result()
@@ -56,7 +56,9 @@ def on_cluster(
     except (OSError, TimeoutError):
         pass
     if len(done) < len(inputs):
-        raise SequenceError(f"the scheduler was lost after {len(done)} of {len(inputs)} frames; the same call does the rest")
+        raise SequenceError(
+            f"the scheduler was lost after {len(done)} of {len(inputs)} frames; the same call does the rest"
+        )
     yield from (done[number] for number in range(len(inputs)))
 
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.errors import SequenceError
 
 
@@ -61,6 +63,24 @@ class FrameResults(list[FrameResult]):
         counts = {state: sum(each.state == state for each in self) for state in ("done", "skipped", "failed")}
         said = ", ".join(f"{count} {state}" for state, count in counts.items() if count)
         return f"FrameResults of {len(self)} frames: {said or 'none'}"
+
+
+@dataclass(frozen=True)
+class FrameFile:
+    """What a function of `map_frames` returns whose OpenEXR file has more than arrays.
+
+    Attributes:
+        arrays: by name, see `ssgi_cl.io.exr.write`.
+        like: a file whose windows and other attributes are kept.
+        camera: of the image, for the header.
+        half, parts: as of `ssgi_cl.io.exr.write`.
+    """
+
+    arrays: Mapping[str, Any]
+    like: Path | None = None
+    camera: Camera | None = None
+    half: bool = False
+    parts: bool = False
 
 
 def reason(error: Exception) -> str:

@@ -17,7 +17,7 @@ import numpy as np
 from ssgi_cl.io import exr, png
 from ssgi_cl.sequences.cluster import on_cluster
 from ssgi_cl.sequences.frame_names import FrameNames
-from ssgi_cl.sequences.frame_result import FrameResult, FrameResults, reason
+from ssgi_cl.sequences.frame_result import FrameFile, FrameResult, FrameResults, reason
 from ssgi_cl.sequences.keys import NAME, described, key_of, stored_key
 
 AHEAD = 2
@@ -40,6 +40,7 @@ def map_frames(
     again: bool = False,
     retries: int = 2,
     progress: Progress | None = None,
+    finished: Callable[[FrameResult], object] | None = None,
 ) -> FrameResults:
     """Call a function with each of many frames, and keep the results in files.
 
@@ -48,18 +49,20 @@ def map_frames(
     of the function with its arguments, and of this library's version, is skipped.
 
     Args:
-        function: called as function(input, **arguments), in order. Returns an array, or arrays by name, for its
-            file: see `ssgi_cl.io.exr.write`; for .png an image of uint8 or uint16. If it has a method `read`, that is
-            called with an input ahead of time, in another thread, and the function with what it returned.
+        function: called as function(input, **arguments), in order. Returns an array, arrays by name, or a
+            `FrameFile`, for its file: see `ssgi_cl.io.exr.write`; for .png an image of uint8 or uint16. If it has a
+            method `read`, that is called with an input ahead of time, in another thread, and the function with what
+            it returned.
         inputs: paths, or anything else; of paths the content of the files counts.
         outputs: files of the results, .exr or .png, as many as inputs, or a name with #### for their numbers, from
             1 on. Without, results are returned, and nothing is skipped.
         arguments: of the function, by name.
-        client: a `dask.distributed.Client`: frames are computed by its workers, which must reach the files by the
+        client: of Dask distributed: frames are computed by its workers, which must reach the files by the
             same paths, and have this version of the library. Without, by this process.
         again: whether to compute frames whose file is there, too.
         retries: how often a frame is tried again on a cluster whose worker was lost.
         progress: called with frames that are finished, all frames, and the seconds that are left by estimate.
+        finished: called with each result.
 
     Returns:
         A result for each input, in order.
@@ -72,7 +75,7 @@ def map_frames(
     files = _files(outputs, len(given))
     arguments = dict(arguments or {})
     work = Work(function, arguments, described(function, arguments), again)
-    report = _Report(len(given), progress)
+    report = _Report(len(given), progress, finished)
     if client is not None:
         return FrameResults(on_cluster(client, partial(_one, work), given, files, retries, report))
     return FrameResults(_serial(work, given, files, report))
@@ -116,16 +119,18 @@ def _files(outputs: str | os.PathLike[str] | Iterable[str | os.PathLike[str]] | 
 
 
 class _Report:
-    """Calls `progress` as frames finish; skipped ones tell nothing of the time that others take."""
+    """Calls `progress` and `finished` as frames finish; skipped ones tell nothing of the time that others take."""
 
-    def __init__(self, total: int, progress: Progress | None) -> None:
-        self._total, self._progress = total, progress
+    def __init__(self, total: int, progress: Progress | None, finished: Callable[[FrameResult], object] | None) -> None:
+        self._total, self._progress, self._told = total, progress, finished
         self._finished = self._computed = 0
         self._start = time.perf_counter()
 
     def __call__(self, result: FrameResult) -> None:
         self._finished += 1
         self._computed += result.state != "skipped"
+        if self._told is not None:
+            self._told(result)
         if self._progress is not None:
             each = (time.perf_counter() - self._start) / max(self._computed, 1)
             self._progress(self._finished, self._total, each * (self._total - self._finished))
@@ -189,7 +194,7 @@ def _finish(result: FrameResult, key: str) -> FrameResult:
 
 def _one(work: Work, source: Any, file: Path | None) -> FrameResult:
     """Return the result of one frame, its file written: what a worker does."""
-    (result,) = _serial(work, [source], [file], _Report(1, None))
+    (result,) = _serial(work, [source], [file], _Report(1, None, None))
     return result
 
 
@@ -203,5 +208,7 @@ def write_result(path: Path, value: Any, key: str) -> None:
     if path.suffix.lower() == ".png":
         png.write(path, value, texts={NAME: key})
         return
-    arrays = value if isinstance(value, Mapping) else {"": value}
-    exr.write(path, {name: np.asarray(array) for name, array in arrays.items()}, attributes={NAME: key})
+    file = value if isinstance(value, FrameFile) else FrameFile(value if isinstance(value, Mapping) else {"": value})
+    arrays = {name: np.asarray(array) for name, array in file.arrays.items()}
+    options: dict[str, Any] = {"like": file.like, "camera": file.camera, "half": file.half, "parts": file.parts}
+    exr.write(path, arrays, attributes={NAME: key}, **options)

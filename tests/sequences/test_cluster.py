@@ -77,7 +77,7 @@ def test_a_lost_scheduler_loses_no_finished_frame(frames: list[Path], tmp_path: 
             local.close()
 
     try:
-        with pytest.raises(SequenceError, match="the scheduler was lost after [23] of 4 frames"):
+        with pytest.raises(SequenceError, match=r"the scheduler was lost after [23] of 4 frames"):
             map_frames(slowly, frames, tmp_path / "out.####.exr", arguments=SLOW, client=client, progress=lose)
     finally:
         client.close(timeout=1)

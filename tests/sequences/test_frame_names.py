@@ -41,8 +41,7 @@ def test_frames_are_found(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "numbers"),
-    [("7", [7]), ("1-4", [1, 2, 3, 4]), ("1-9x4,2,5", [1, 5, 9, 2]), ("-2-1", [-2, -1, 0, 1])],
+    ("text", "numbers"), [("7", [7]), ("1-4", [1, 2, 3, 4]), ("1-9x4,2,5", [1, 5, 9, 2]), ("-2-1", [-2, -1, 0, 1])]
 )
 def test_ranges(text: str, numbers: list[int]) -> None:
     assert frame_range(text) == numbers

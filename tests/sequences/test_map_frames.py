@@ -86,7 +86,7 @@ def test_keys_tell_functions_arguments_and_contents_apart(frames: list[Path]) ->
         key_of(described(function, arguments), source)
         for function in (doubled, slowly, Halved())
         for arguments in ({}, {"factor": 1}, {"factor": 1.0}, {"factor": np.ones(2)}, {"factor": "1"})
-        for source in (frames[0], frames[1], b"1", "1".encode() + b"1", np.ones(2), np.ones(2, np.float32))
+        for source in (frames[0], frames[1], b"1", b"1" + b"1", np.ones(2), np.ones(2, np.float32))
     }
     assert len(keys) == 3 * 5 * 6
 

@@ -1,0 +1,139 @@
+"""Sequences of frames on the command line: options, progress with the time left, and the report of each frame."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from ssgi_cl.core.errors import MissingExtraError, SequenceError
+from ssgi_cl.io.console import checked_output, printable
+from ssgi_cl.sequences.frame_names import FrameNames, frame_range, gaps
+from ssgi_cl.sequences.frame_result import FrameResult, FrameResults
+from ssgi_cl.sequences.map_frames import map_frames
+
+MOST_LISTED = 20
+"""Failures and gaps that are printed, at most."""
+
+
+def frames_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add --frames, --again and --scheduler."""
+    for option in (
+        click.option(
+            "--scheduler",
+            metavar="ADDRESS",
+            help="Dask distributed scheduler, such as tcp://host:8786, whose workers do the frames.",
+        ),
+        click.option("--again", is_flag=True, help="Do frames that are done already, too."),
+        click.option(
+            "--frames",
+            metavar="RANGE",
+            help="Frames of a sequence, such as 1-240 or 1-99x2,120; by default all there are.",
+        ),
+    ):
+        command = option(command)
+    return command
+
+
+def run_frames(
+    work: Callable[..., Any],
+    names: FrameNames,
+    output: Path,
+    *,
+    frames: str | None,
+    again: bool,
+    scheduler: str | None,
+    as_json: bool,
+) -> None:
+    """Do the frames of a sequence and report them; exit with status 1 if any failed.
+
+    Raises:
+        click.UsageError: the output has no place for a number.
+        SequenceError: there is no frame, or the cluster fails.
+    """
+    into = FrameNames.of(output)
+    if into is None:
+        raise click.UsageError(
+            f"--output is {output}: expected #### for the numbers of frames in its name, as in {names}"
+        )
+    if into == names:
+        raise click.UsageError(f"--output is {output}: those are the inputs; expected another name")
+    numbers = frame_range(frames) if frames is not None else names.found()
+    if not numbers:
+        raise SequenceError(f"{names}: there is no such frame")
+    missing = [] if frames is not None else gaps(numbers)
+    if missing and not as_json:
+        listed = ", ".join(map(str, missing[:MOST_LISTED])) + (" ..." if len(missing) > MOST_LISTED else "")
+        click.echo(f"frames that are not there: {listed}", err=True)
+    inputs, files = [names.path(n) for n in numbers], [into.path(n) for n in numbers]
+    checked_output(files[0], (".exr",))
+    report_frames(work, inputs, files, again=again, scheduler=scheduler, as_json=as_json)
+
+
+def report_frames(
+    work: Callable[..., Any],
+    inputs: Sequence[Any],
+    files: Sequence[Path],
+    *,
+    again: bool,
+    scheduler: str | None,
+    as_json: bool,
+) -> None:
+    """Do frames and report them; exit with status 1 if any failed."""
+    console = Console(stderr=True)
+    columns = (TextColumn("frames"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with ExitStack() as stack:
+        bar = stack.enter_context(Progress(*columns, console=console, disable=as_json or not console.is_terminal))
+        client = None if scheduler is None else stack.enter_context(_client(scheduler))
+        task = bar.add_task("", total=len(inputs))
+
+        def shown(finished: int, total: int, left: float) -> None:
+            bar.update(task, completed=finished)
+
+        def told(result: FrameResult) -> None:
+            if as_json:
+                print(json.dumps(_line(result)), flush=True)
+
+        results = map_frames(work, inputs, files, client=client, again=again, progress=shown, finished=told)
+    _summary(results, as_json)
+    if results.failed:
+        sys.exit(1)
+
+
+def _line(result: FrameResult) -> dict[str, Any]:
+    line: dict[str, Any] = {"input": printable(result.name), "output": printable(str(result.output))}
+    line |= {"state": result.state, "seconds": round(result.seconds, 4)}
+    return {**line, "reason": printable(result.reason)} if result.reason else line
+
+
+def _summary(results: FrameResults, as_json: bool) -> None:
+    counts = {state: sum(each.state == state for each in results) for state in ("done", "skipped", "failed")}
+    if as_json:
+        print(json.dumps({"frames": len(results), **counts}), flush=True)
+        return
+    click.echo(f"{len(results)} frames: {', '.join(f'{count} {state}' for state, count in counts.items())}")
+    for each in results.failed[:MOST_LISTED]:
+        click.echo(printable(f"failed: {each.name}: {each.reason}"), err=True)
+    if len(results.failed) > MOST_LISTED:
+        click.echo(f"and {len(results.failed) - MOST_LISTED} more", err=True)
+
+
+def _client(address: str) -> Any:
+    """Return a connection to a scheduler. SequenceError: it does not answer."""
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise MissingExtraError(
+            "--scheduler needs Dask distributed, which is not installed: pip install 'ssgi-cl[cluster]'"
+        ) from error
+    try:
+        return Client(address, timeout=10)  # type: ignore[no-untyped-call]
+    except (OSError, ValueError, TypeError) as error:
+        raise SequenceError(f"--scheduler {address} does not answer: {error}") from error

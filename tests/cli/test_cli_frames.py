@@ -1,0 +1,79 @@
+"""Sequences on the command line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ssgi_cl.io import exr
+
+from .commands import fails, process, succeeds
+
+
+@pytest.fixture
+def shot(depth_file: Path) -> Path:
+    """Frames 1 to 4 of a shot; the pattern of their names."""
+    depth = exr.read(depth_file)["Z"]
+    for number in range(1, 5):
+        exr.write(depth_file.with_name(f"shot.{number:04d}.exr"), {"depth": depth * np.float32(1.0 + 0.1 * number)})
+    return depth_file.with_name("shot.####.exr")
+
+
+def lines(text: str) -> list[dict[str, object]]:
+    return [json.loads(line) for line in text.splitlines() if line.startswith("{")]
+
+
+def test_a_sequence_is_that_of_its_frames(shot: Path, tmp_path: Path) -> None:
+    out = tmp_path / "ao.####.exr"
+    said = succeeds("apply", "gtao", shot, "-o", out, "--set", "radius=.4").output
+    assert "4 frames: 4 done, 0 skipped, 0 failed" in said
+    succeeds("apply", "gtao", tmp_path / "shot.0003.exr", "-o", tmp_path / "one.exr", "--set", "radius=.4")
+    one, other = exr.read(tmp_path / "one.exr"), exr.read(tmp_path / "ao.0003.exr")
+    assert one.keys() == other.keys()
+    np.testing.assert_array_equal(one["ao"], other["ao"])
+    assert "4 frames: 0 done, 4 skipped" in succeeds("apply", "gtao", shot, "-o", out, "--set", "radius=.4").output
+    again = succeeds("apply", "gtao", shot, "-o", out, "--set", "radius=.4", "--frames", "2-3", "--again").output
+    assert "2 frames: 2 done" in again
+
+
+def test_bad_frames_and_gaps_are_told(shot: Path, tmp_path: Path) -> None:
+    (tmp_path / "shot.0002.exr").write_bytes(b"no file")
+    (tmp_path / "shot.0003.exr").unlink()
+    done = process("apply", "ssao", shot, "-o", tmp_path / "ao.####.exr")
+    assert done.returncode == 1
+    assert "3 frames: 2 done, 0 skipped, 1 failed" in done.stdout
+    assert "frames that are not there: 3" in done.stderr
+    assert "shot.0002.exr is not an OpenEXR file" in done.stderr
+    done = process("apply", "ssao", shot, "-o", tmp_path / "ao.####.exr", "--frames", "1-4", "--json")
+    told = lines(done.stdout)
+    assert done.returncode == 1
+    assert [line.get("state") for line in told] == ["skipped", "failed", "failed", "skipped", None]
+    assert told[-1] == {"frames": 4, "done": 0, "skipped": 2, "failed": 2}
+    assert "No such file" in str(told[2]["reason"])
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("-o", "ao.exr"), "expected #### for the numbers of frames in its name"),
+        (("-o", "ao.####.exr", "--frames", "1-"), "expected parts such as 7, 1-240"),
+        (("-o", "ao.####.png", "--frames", "1"), "expected a name that ends in .exr"),
+        (("-o", "nowhere/ao.####.exr"), "there is no folder"),
+        (("-o", "shot.####.exr"), "those are the inputs"),
+    ],
+)
+def test_a_wrong_call_is_told(shot: Path, tmp_path: Path, options: tuple[str, ...], message: str) -> None:
+    output = tmp_path / options[1]
+    assert message in fails(tmp_path, "apply", "gtao", shot, "-o", output, *options[2:])
+
+
+def test_numbers_need_a_place(depth_file: Path, tmp_path: Path) -> None:
+    assert "expected #### in its name with --frames" in fails(
+        tmp_path, "apply", "gtao", depth_file, "-o", tmp_path / "ao.exr", "--frames", "1-2"
+    )
+    assert "there is no such frame" in fails(
+        tmp_path, "apply", "gtao", tmp_path / "none.####.exr", "-o", tmp_path / "ao.####.exr"
+    )

@@ -7,14 +7,15 @@
 //          normals. 3 x 3 pixels, so that discontinuities between two texels of a coarser level are
 //          found.
 // Departs: the published depth variation has the distance of the far plane as a factor, which here
-//          is part of the threshold.
+//          is part of the threshold. With an orthographic camera it is over the view's height.
 // Reads:   depth, normal  the front layer, with margin; scene units, view space
 // Writes:  variation  5 x [rows, columns], see variation.clh; depth variation is INFINITY beside
 //                     pixels that show nothing
-// Params:  whole = (columns, rows) with margin; margin = (columns, rows)
+// Params:  whole = (columns, rows) with margin; margin = (columns, rows); camera
 // Launch:  SSGI_LANES pixels of a row per work-item
 // Cost:    27 reads per pixel
 
+#include "common/camera.clh"
 #include "multires/variation.clh"
 
 // The lanes of a row from column x on and their neighbours left and right, at the image's border
@@ -29,7 +30,7 @@ static inline void subsplat_beside(ssgi_plane plane, const int2 whole, const int
 
 __kernel void subsplat_variation(ssgi_plane depth, ssgi_plane normal,
                                  __global float *restrict variation, const int2 size,
-                                 const int2 whole, const int2 margin)
+                                 const int2 whole, const int2 margin, const SsgiCamera camera)
 {
     const int x = ssgi_first_column();
     const int y = (int)get_global_id(1);
@@ -63,7 +64,7 @@ __kernel void subsplat_variation(ssgi_plane depth, ssgi_plane normal,
     const vfloat own = ssgi_load(depth, whole, 0, x + margin.x, y + margin.y);
     const vmask there = v_lt(own, v_splat(INFINITY));
     const vfloat z = v_select(v_splat(1.0f), own, there);
-    most[0] = (most[0] - v_select(v_splat(0.0f), nearest, there)) / z;
+    most[0] = (most[0] - v_select(v_splat(0.0f), nearest, there)) / ssgi_tolerance_depth(camera, z);
     for (int i = 0; i < SUBSPLAT_IMAGES; ++i) {
         ssgi_store(v_select(v_splat(SUBSPLAT_EMPTY), most[i], there), variation, size, i, x, y,
                    SUBSPLAT_EMPTY);

@@ -30,8 +30,9 @@ __kernel void raster_hidden(__global const float *restrict depths, ssgi_plane fr
     const vint seen = v_iload(triangles + at);
     const int2 margin = (whole - size) / 2;
     const vfloat other = ssgi_load(front, whole, 0, x + margin.x, y + margin.y);
-    const vfloat limit =
-        camera.perspective > 0.0f ? v_splat(view.peel) / other : other * -view.peel;
+    const vfloat limit = camera.perspective > 0.0f
+                             ? v_splat(view.peel) / other
+                             : v_fma(other, v_splat(-view.peel), v_splat(-view.peel_more));
     const vmask left = v_ige(seen, v_splat_int(0)) & v_ge(v_load(depths + at), limit);
     v_istore(v_iselect(v_splat_int(-1), seen, left), triangles + at);
     if (v_any(left)) {

@@ -2,7 +2,8 @@
 // raster_tiles: the visibility buffer: in each pixel the nearest triangle's number and D.
 //
 // Ties of D go to the triangle of lesser number, so the order of the lists doesn't show. With
-// RASTER_PEEL only what lies behind the layer before, by more than `view.peel`, is seen.
+// RASTER_PEEL only what lies behind the layer before, by more than `view.peel` and
+// `view.peel_more`, is seen.
 //
 // Method:  records are read a lane each, which finds what the loops over their pixels need; these
 //          then have a pixel a lane.
@@ -244,7 +245,8 @@ static inline void raster_draw(const RasterBatch *batch, const int n, const Rast
                 hit & (v_gt(d, nearest) | (v_eq(d, nearest) & v_igt(winner, v_splat_int(number))));
             hit = hit & v_ge(d, v_splat(view.furthest_d));
             if (RASTER_PEEL) {
-                hit = hit & v_lt(d, v_load(previous + pixel) * view.peel);
+                hit = hit & v_lt(d, v_fma(v_load(previous + pixel), v_splat(view.peel),
+                                          v_splat(-view.peel_more)));
             }
             if (holes->cutout >= 0 && v_any(hit)) {
                 hit = hit & raster_solid(holes, of, camera, column, slope, d);

@@ -18,10 +18,11 @@ from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.errors import SsgiError
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.rasterize.raster.opengl_context import context
-from ssgi_cl.rasterize.raster.raster_view import back_area
+from ssgi_cl.rasterize.raster.raster_view import PEEL, PEEL_ROUNDING, back_area
 
-PEEL_FACTOR = 1.0 + 1e-5
-"""A surface belongs to the next layer if it is deeper than the layer before by this factor."""
+PEEL_FACTOR = 1.0 + PEEL
+"""A surface belongs to the next layer if it is deeper than the layer before by this factor; orthographic cameras have
+a difference in place of it, see `raster_view`."""
 
 _TABLE_WIDTH = 2048  # texels in a row of the triangle table; every driver allows this many
 _STEEPEST = 1e30  # bound of a plane's slopes, so that slope times 0 pixels is 0 and not NaN
@@ -56,6 +57,7 @@ uniform int u_first;             // index of the draw call's first triangle
 uniform int u_columns;           // triangles in a row of the table
 uniform int u_perspective;       // 1: the table holds 1 / depth, 0: depth
 uniform float u_peel_factor;     // 0 for the first layer
+uniform float u_peel_more;       // scene units
 uniform float u_depth_scale;     // a power of two that brings every depth below 1
 uniform int u_textured;
 uniform vec4 u_albedo;           // linear reflectance, opacity
@@ -82,7 +84,7 @@ void main()
         discard;
     if (u_peel_factor > 0.0) {
         float before = texelFetch(u_before, ivec2(gl_FragCoord.xy), 0).w;
-        if (!(depth > before * u_peel_factor))
+        if (!(depth > before * u_peel_factor + u_peel_more))
             discard;
     }
     float length_squared = dot(v_normal_world, v_normal_world);
@@ -162,6 +164,8 @@ class _Drawing:
         self._set("u_clip", np.diag([1.0, -1.0, 1.0, 1.0]) @ clip_matrix(camera))
         self._set("u_columns", _TABLE_WIDTH // 2)
         self._set("u_perspective", int(not camera.is_orthographic))
+        self._set("u_peel_more", PEEL * camera.view_height if camera.is_orthographic else 0.0)
+        self._peel_factor = 1.0 + PEEL_ROUNDING if camera.is_orthographic else PEEL_FACTOR
         self._set("u_depth_scale", 2.0 ** -math.frexp(deepest)[1])
         for unit, name in enumerate(("u_triangles", "u_before", "u_texture")):
             self._set(name, unit)
@@ -208,7 +212,7 @@ class _Drawing:
         gl.glClearBufferfv(gl.GL_COLOR, 0, np.array([0, 0, 0, np.inf], np.float32))
         gl.glClearBufferfv(gl.GL_COLOR, 1, np.zeros(4, np.float32))
         gl.glClearBufferfv(gl.GL_DEPTH, 0, np.ones(1, np.float32))
-        self._set("u_peel_factor", PEEL_FACTOR if number else 0.0)
+        self._set("u_peel_factor", self._peel_factor if number else 0.0)
         self._bind(0, self._table)
         self._bind(1, before)
         for material, index, start, count in self._runs:

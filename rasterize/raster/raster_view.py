@@ -12,7 +12,9 @@ from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, floats, ints
 from ssgi_cl.rasterize.raster.device_scene import DeviceScene
 
 PEEL = 1e-5
-"""A deeper layer begins this much behind the one before, relative to its depth."""
+"""A deeper layer begins this much behind the one before, relative to its depth; orthographic: to the view's height."""
+PEEL_ROUNDING = 2.0**-22
+"""Orthographic: that much relative to its depth comes on top, for roundings of float32."""
 
 _PLACE = (*ROTATION, "x", "y", "z", "eye_x", "eye_y", "eye_z", "rest_x", "rest_y", "rest_z")
 """World to view (rotation, translation), and the eye from the scene's origin with what float32 loses of it."""
@@ -20,7 +22,7 @@ _PLACE = (*ROTATION, "x", "y", "z", "eye_x", "eye_y", "eye_z", "rest_x", "rest_y
 VIEW = Struct(
     "RasterView",
     (
-        *floats(*_PLACE, "columns", "rows", "near_depth", "far_depth", "furthest_d", "peel", "matt"),
+        *floats(*_PLACE, "columns", "rows", "near_depth", "far_depth", "furthest_d", "peel", "peel_more", "matt"),
         *ints("tiles_x", "tiles_y", "capacity", "pair_capacity", "vertex_stride", "triangle_stride"),
         *ints("layer", "margin_x", "margin_y", "back"),
     ),
@@ -43,7 +45,8 @@ def view_values(scene: DeviceScene, camera: Camera, target: DeviceGBuffer, **val
         "near_depth": max(camera.near, 1e-30),
         "far_depth": camera.far,
         "furthest_d": -camera.far if orthographic else 1.0 / camera.far,
-        "peel": 1.0 + PEEL if orthographic else 1.0 - PEEL,
+        "peel": 1.0 + PEEL_ROUNDING if orthographic else 1.0 - PEEL,
+        "peel_more": PEEL * camera.view_height if orthographic else 0.0,
         "vertex_stride": scene.vertex_stride,
         "triangle_stride": scene.triangle_stride,
         "layer": 0,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -227,6 +227,19 @@ class Camera(Immutable):
     def is_orthographic(self) -> bool:
         """Whether all view rays are parallel."""
         return bool(self.projection[3, 3] == 1.0)
+
+    @property
+    def view_height(self) -> float:
+        """Height of what is seen in scene units; of a perspective camera at depth 1.
+
+        Tolerances that are shares of the depth are shares of this with an orthographic camera,
+        whose distance is arbitrary: a perspective camera of 53 degrees sees as much at this depth.
+        """
+        return float(2.0 / self.projection[1, 1])
+
+    def tolerance_depth(self, depth: NDArray[Any]) -> NDArray[Any]:
+        """Return what relative tolerances are shares of: depths as given, orthographic the view's height."""
+        return np.full_like(depth, self.view_height) if self.is_orthographic else depth
 
     @property
     def near(self) -> float:

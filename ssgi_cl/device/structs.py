@@ -54,7 +54,10 @@ def ints(*names: str) -> tuple[tuple[str, str], ...]:
 
 
 CAMERA = Struct(
-    "SsgiCamera", floats("to_x", "at_x", "to_y", "at_y", "from_x", "centre_x", "from_y", "centre_y", "perspective")
+    "SsgiCamera",
+    floats(
+        "to_x", "at_x", "to_y", "at_y", "from_x", "centre_x", "from_y", "centre_y", "perspective", "tolerance_depth"
+    ),
 )
 
 
@@ -81,4 +84,5 @@ def camera_values(camera: Camera, margin: tuple[int, int] = (0, 0)) -> dict[str,
         "from_y": 1.0 / to_y,
         "centre_y": -at_y / to_y,
         "perspective": 0.0 if camera.is_orthographic else 1.0,
+        "tolerance_depth": camera.view_height if camera.is_orthographic else 0.0,
     }

@@ -54,8 +54,9 @@ def layer_mesh(gbuffer: GBuffer, joins: str) -> Scene | None:
     depth[nothing] = np.nan
     # On a plane this is linear in the pixel position.
     linear = depth if gbuffer.camera.is_orthographic else 1.0 / depth
-    right = _joined(linear, joins)
-    down = _joined(linear.swapaxes(1, 2), joins).swapaxes(2, 3)
+    size = gbuffer.camera.tolerance_depth(linear)
+    right = _joined(linear, size, joins)
+    down = _joined(linear.swapaxes(1, 2), size.swapaxes(1, 2), joins).swapaxes(2, 3)
     triangles = _triangles(right, down, -depth if gbuffer.camera.is_orthographic else linear)
     if len(triangles) == 0:
         return None
@@ -80,11 +81,12 @@ def _depths(gbuffer: GBuffer) -> Doubles:
     return depth.reshape(gbuffer.layers, *depth.shape[-2:])
 
 
-def _joined(linear: Doubles, joins: str) -> Joined:
+def _joined(linear: Doubles, size: Doubles, joins: str) -> Joined:
     """Return which layers of a column are joined with which of the next.
 
     Args:
         linear: [layers, rows, columns], linear in the column on every plane; NaN where nothing is.
+        size: likewise, what misses are relative to.
         joins: one of `JOINS`.
 
     Returns:
@@ -104,7 +106,7 @@ def _joined(linear: Doubles, joins: str) -> Joined:
     for a in layers:
         for b in layers if joins == "surface" else (a,):
             over, under = ahead[a] - there[b], here[a] - behind[b]
-            miss = np.fmin(np.abs(over) / there[b], np.abs(under) / here[a])
+            miss = np.fmin(np.abs(over) / size[b][..., 1:], np.abs(under) / size[a][..., :-1])
             within = miss <= STEP
             # Lines that meet between the pixels are a crease: one may go on behind the other.
             joined[a, b] = over * under <= 0.0

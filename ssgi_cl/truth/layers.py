@@ -43,8 +43,9 @@ def layered_occlusion(
 
     - "surface": with whichever layer of the neighbour continues it, since a surface gets another
       number where something begins to cover it. One continues the other where a line in 1 / depth
-      (orthographic: depth) through two pixels on either side misses it by at most 2 % of the depth,
-      if none does so better; or where both lines meet between the two pixels, as at a crease;
+      (orthographic: depth) through two pixels on either side misses it by at most 2 % of the depth
+      (orthographic: of the view's height), if none does so better; or where both lines meet between
+      the two pixels, as at a crease;
     - "layer": with the same layer alone, under the same condition;
     - "always": with the same layer wherever both show something, so that jumps are bridged.
 
@@ -79,6 +80,8 @@ def layered_occlusion(
         "embreex": version,
         "estimator": versioned("layered occlusion"),
     }
+    if gbuffer.camera.is_orthographic:
+        description["misses"] = "of the view's height"
 
     @cache
     def caster() -> _LayerAo | None:

@@ -33,7 +33,8 @@ REGIONS = ("border", "thin", "silhouettes", "creases", "elsewhere")
 """Regions of an image, in the order in which they claim a pixel."""
 
 STEP = 0.02
-"""A silhouette: each of two neighbours is off the other's tangent plane by this share of depth."""
+"""A silhouette: each of two neighbours is off the other's tangent plane by this share of depth (orthographic: of the
+view's height)."""
 CREASE_ANGLE = math.radians(25.0)
 """A crease: normals of neighbours on one surface turn by more than this, radians."""
 REACH = 3
@@ -372,7 +373,7 @@ def _edges(gbuffer: GBuffer, depth: Doubles, normal: Doubles, known: Mask) -> tu
         )
         both = seen[one] & seen[two]
         # Off both tangent planes: a crease lies off one of them by less than the step in depth.
-        apart = both & (off > STEP * np.where(both, least, 1.0))
+        apart = both & (off > STEP * gbuffer.camera.tolerance_depth(np.where(both, least, 1.0)))
         edge = apart | (seen[one] != seen[two])
         with np.errstate(invalid="ignore"):
             farther.append(edge & (depth[two] > depth[one]))

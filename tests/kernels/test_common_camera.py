@@ -120,6 +120,9 @@ def test_every_plane_is_flat(
         },
         **{name: array[good] for name, array in arrays.items()},
     )
+    # Of an orthographic camera they are shares of the view's height; below, all are of the depth.
+    share = camera.view_height / depth[good] if camera.is_orthographic else 1.0
+    result["off"], result["behind"] = result["off"] * share, result["behind"] * share
     # Roundings of 6e-8: of the depths (relative to u at most 2 each), of a normal at an angle with
     # cosine 0.05 (20 times as much), times the plane's rise, which is at most 1 here.
     assert result["off"].max() < 8e-6

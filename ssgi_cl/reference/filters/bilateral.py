@@ -59,6 +59,8 @@ def off_plane(
 ) -> Doubles:
     """Return the distances of surfaces from the tangent planes of pixels, relative to the depth.
 
+    With an orthographic camera they are relative to the height of its view.
+
     Args:
         view: whose view rays count.
         row, column: of the other surface's pixel centre.
@@ -76,7 +78,7 @@ def off_plane(
     step = normal[..., 0] * (sx - own_sx) + normal[..., 1] * (sy - own_sy)
     own = view.flatness(depth)
     plane = own + step / n_dot_v if view.camera.is_orthographic else own - own * step / n_dot_v
-    return np.abs(view.flatness(other) - plane) / np.abs(own)
+    return np.abs(view.flatness(other) - plane) / view.camera.tolerance_depth(np.abs(own))
 
 
 def fit_of(off: Doubles, cosine: Doubles, params: BilateralParams | Blur) -> Doubles:

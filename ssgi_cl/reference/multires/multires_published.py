@@ -52,7 +52,7 @@ def subsplats(view: SurfaceView, levels: int, depth_threshold: float, normal_thr
     there = np.isfinite(depth)
     around = _regions(depth)
     with np.errstate(invalid="ignore"):
-        variation = np.where(there, (around.max(0) - around.min(0)) / depth, 0.0)
+        variation = np.where(there, (around.max(0) - around.min(0)) / view.camera.tolerance_depth(depth), 0.0)
     near = _regions(normal)
     low = np.where(there[..., None], near.min(0), 1.0)
     high = np.where(there[..., None], near.max(0), -1.0)

@@ -97,7 +97,9 @@ class Screen:
 
         def is_behind(u: Doubles, seen: Doubles) -> Mask:
             with np.errstate(invalid="ignore"):
-                result: Mask = u < seen - ROUNDING * np.abs(seen)
+                size = np.abs(seen)
+                share = np.maximum(self.gbuffer.camera.tolerance_depth(size), size / 256.0)
+                result: Mask = u < seen - ROUNDING * share
             return result & np.isfinite(seen)
 
         found = np.zeros(len(c0), np.bool_)

@@ -35,8 +35,8 @@ class BilateralParams(Params):
     sigma: float = param(0.0, "standard deviation in space; 0 for (radius + 1) / 2", low=0.0, high=100.0, unit="px")
     depth_sigma: float = param(
         0.01,
-        "standard deviation of the distance from the tangent plane, relative to depth; "
-        "beyond 2.8 of it samples have no weight",
+        "standard deviation of the distance from the tangent plane, relative to depth "
+        "(orthographic cameras: to the height of the view); beyond 2.8 of it samples have no weight",
         low=1e-6,
         high=10.0,
     )

@@ -39,7 +39,11 @@ class UpsampleParams(Params):
     step: int = param(2, "pixels of the result from one of the image to the next: 1, 2 or 4", low=1, high=4)
     background: float = param(0.0, "the value where nothing is")
     depth_sigma: float = param(
-        0.005, "standard deviation of the distance from the tangent plane, relative to depth", low=1e-6, high=10.0
+        0.005,
+        "standard deviation of the distance from the tangent plane, relative to depth "
+        "(orthographic cameras: to the height of the view)",
+        low=1e-6,
+        high=10.0,
     )
     normal_sigma: float = param(
         0.3, "standard deviation of the angle between normals", low=1e-3, high=10.0, unit="radians"
@@ -307,7 +311,8 @@ def upsample(
         gbuffer: at full size.
         step: 1, 2 or 4.
         background: the value where nothing is.
-        depth_sigma: standard deviation of the distance from the tangent plane, relative to depth.
+        depth_sigma: standard deviation of the distance from the tangent plane, relative to depth
+            (orthographic cameras: to the height of the view).
         normal_sigma: standard deviation of the angle between normals, radians.
         runtime: the device; by default the fastest found.
 

@@ -56,7 +56,12 @@ class MultiresGridParams(Params):
         high=32,
     )
     plane_tolerance: float = param(
-        0.005, "distance from the tangent plane at which a point counts nothing", unit="depths", low=1e-6, high=1.0
+        0.005,
+        "distance from the tangent plane at which a point counts nothing "
+        "(orthographic cameras: in heights of the view)",
+        unit="depths",
+        low=1e-6,
+        high=1.0,
     )
     normal_tolerance: float = param(
         0.32, "angle between normals at which it counts nothing", unit="radians", low=1e-3, high=3.0

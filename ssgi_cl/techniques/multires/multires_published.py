@@ -44,8 +44,8 @@ class MultiresPublishedParams(Params):
     )
     depth_threshold: float = param(
         0.1 / 16.0,
-        "depth variation over 3 x 3 pixels, relative to depth, above which a texel of "
-        "level 3 is refined; at level l it is 3 / l of that",
+        "depth variation over 3 x 3 pixels, relative to depth (orthographic: to the view's height), "
+        "above which a texel of level 3 is refined; at level l it is 3 / l of that",
         low=0.0,
         high=1e6,
     )
@@ -92,7 +92,7 @@ class MultiresPublished(Prepared[MultiresPublishedParams]):
         # The light of a level and all coarser ones; that of the coarsest is its own.
         self._merged = [(runtime.plane(3, own), runtime.plane(1, own)) for own in sizes[:-1]]
         self._no_light = NoLight(runtime, size, self.name)
-        self._vary = runtime.kernel("multires/subsplat_variation.cl")
+        self._vary = runtime.kernel("multires/subsplat_variation.cl", structs=(CAMERA,))
         self._mip = runtime.kernel("multires/subsplat_mip.cl")
         self._refine = runtime.kernel("multires/subsplat_refine.cl", structs=(SUBSPLAT,))
         self._shade = runtime.kernel(
@@ -148,6 +148,7 @@ class MultiresPublished(Prepared[MultiresPublishedParams]):
             variation=variation[0],
             whole=gbuffer.whole,
             margin=gbuffer.margin,
+            camera=gbuffer.camera_struct,
         )
         for finer, coarser in pairwise(variation):
             self._mip.run(coarser.size, finer=finer, coarser=coarser, finer_size=finer.size)

@@ -63,7 +63,12 @@ class RsmGatherParams(Params):
         0.02, "of interpolation, as estimated", unit="of the mean irradiance", low=0.0, high=1e6
     )
     plane_tolerance: float = param(
-        0.005, "distance from the tangent plane at which a neighbour counts nothing", unit="depths", low=1e-6, high=1.0
+        0.005,
+        "distance from the tangent plane at which a neighbour counts nothing "
+        "(orthographic cameras: in heights of the view)",
+        unit="depths",
+        low=1e-6,
+        high=1.0,
     )
     normal_tolerance: float = param(
         0.32, "angle between normals at which it counts nothing", unit="radians", low=1e-3, high=3.0

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl import truth
 from ssgi_cl.core import checks
+from ssgi_cl.core.names import Resolution
 from ssgi_cl.rasterize.raster.view import MOST_LAYERS, downloaded
 from ssgi_cl.techniques.ao.gtao import Gtao, GtaoParams
 from ssgi_cl.techniques.ao.hbao import Hbao, HbaoParams
@@ -36,7 +37,7 @@ _BENT = re.compile(r"([1-9]\d?)x([1-9]\d?)|none")
 _FLOOR = re.compile(r"([1-9]\d?)(?:-([1-9]\d?))?")
 
 
-def ssao(context: Context, setting: str, *, blur_radius: int = 0, resolution: str = "full") -> Subject:
+def ssao(context: Context, setting: str, *, blur_radius: int = 0, resolution: Resolution = "full") -> Subject:
     """Make SSAO ready; the setting is the number of samples. `blur_radius` 0: no blur."""
     samples = count_of(setting, "a number of samples per pixel", 1, 256)
     params = SsaoParams(radius=context.radius, samples=samples, blur_radius=blur_radius, resolution=resolution)

@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.core.names import GatherResolution
 from ssgi_cl.techniques.rsm.rsm_gather import RsmGather, RsmGatherParams
 from ssgi_cl.techniques.rsm.rsm_published import RsmPublished, RsmPublishedParams
 from ssgi_cl.tuning.case import Family, Subject, count_of
@@ -24,7 +25,9 @@ READS = 10
 SETTINGS = ("100", "400", "1600")
 
 
-def gathered(context: Context, setting: str, *, pattern: str = "flux", resolution: str = "full") -> Subject:
+def gathered(
+    context: Context, setting: str, *, pattern: str = "flux", resolution: GatherResolution = "full"
+) -> Subject:
     """Make irradiance by one bounce of all lights ready; the setting is the number of samples of each."""
     samples = count_of(setting, "a number of samples", 1, 65536)
     params = RsmGatherParams(samples=samples, pattern=pattern, resolution=resolution)

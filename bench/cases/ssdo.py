@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import Environment
+from ssgi_cl.core.names import Resolution, SsdoMethod
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.frame.auxiliary_views import SIZE, AuxiliaryViews
 from ssgi_cl.frame.params import FrameParams
@@ -62,8 +63,8 @@ def bounced(
     context: Context,
     setting: str,
     *,
-    method: str = "bitmask",
-    resolution: str = "full",
+    method: SsdoMethod = "bitmask",
+    resolution: Resolution = "full",
     layers: int = 1,
     overscan: float = 0.0,
     views: int = 0,
@@ -155,7 +156,7 @@ def frames(context: Context, setting: str) -> Subject:
     if kind == "ssao":
         params = FrameParams(bounces=0, ao=SsaoParams(radius=radius, samples=number))
     elif kind in ("direct", "bounce", "layers", "points"):
-        method = "points" if kind == "points" else "published"
+        method: SsdoMethod = "points" if kind == "points" else "published"
         ssdo = SsdoParams(radius=radius, method=method, samples=number, bounce=kind != "direct")
         params = FrameParams(indirect=ssdo, layers=layers)
     elif kind in ("bitmask", "bitmask-layers", "views"):

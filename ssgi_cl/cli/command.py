@@ -5,6 +5,7 @@ A command's module is imported when the command is asked for: `ssgi --help` star
 
 from __future__ import annotations
 
+import logging
 import sys
 from difflib import get_close_matches
 from importlib import import_module
@@ -31,6 +32,7 @@ COMMANDS = {
     "info": _Entry("ssgi_cl.cli.scene_info", "info_command", "Say what is in SCENE, without rendering it."),
     "render": _Entry("ssgi_cl.cli.render", "render_command", "Render SCENE to a picture or to an EXR file."),
     "truth": _Entry("ssgi_cl.bench.command", "truth_command", "Compute references of CASES and keep them."),
+    "warmup": _Entry("ssgi_cl.cli.warmup", "warmup_command", "Compile the kernels, so that later commands need not."),
 }
 """The commands by name."""
 
@@ -66,6 +68,18 @@ class _Commands(click.Group):
 @click.version_option(__version__, prog_name="ssgi")
 def main() -> None:
     """Image-space global illumination on G-buffers, on any OpenCL device."""
+    logger = logging.getLogger("ssgi_cl.compiling")
+    if not any(isinstance(handler, _OnStandardError) for handler in logger.handlers):
+        logger.addHandler(_OnStandardError(logging.INFO))
+        logger.setLevel(logging.INFO)
+        logger.propagate = False
+
+
+class _OnStandardError(logging.Handler):
+    """Prints records on what is standard error at that time."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        click.echo(record.getMessage(), err=True)
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from ssgi_cl.core.lights import DirectionalLight, Environment, Light
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.params import AO_DEFAULT, BOUNCES, DEFAULT_PRESET, PRESETS
 from ssgi_cl.frame.render import Frame, render
-from ssgi_cl.frame.skips import SKIPS
+from ssgi_cl.frame.skips import ONE_PICTURE
 from ssgi_cl.io import png
 from ssgi_cl.io.console import (
     DEFAULT_FOV,
@@ -193,8 +193,7 @@ def render_command(scene: str, output: Path, as_json: bool, **options: Any) -> N
         endings = (".exr", *(f".{name}.png" for name in (*VIEWS, "ao", "levels")))
     for path in (output, *map(output.with_suffix, endings)):
         checked_output(path, (".png", ".exr"))
-    # A single picture is a first one, though it is the second here.
-    skips: set[str] = set() if options["no_skips"] else set(SKIPS) - {"unchanged"}
+    skips = frozenset[str]() if options["no_skips"] else ONE_PICTURE
     with progress(as_json) as step:
         loaded, camera, lights, arguments = frame_arguments(scene, options, step)
         runtime = arguments["runtime"]

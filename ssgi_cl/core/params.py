@@ -6,7 +6,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Hashable
 from functools import cache
-from typing import Any, Generic, Self, TypeVar, get_type_hints
+from typing import Any, Generic, Literal, Self, TypeVar, get_origin, get_type_hints
 
 from ssgi_cl.core import checks
 from ssgi_cl.core.keywords import check_names
@@ -23,7 +23,8 @@ def param(
     above: bool = False,
     shape: Callable[[Any], Hashable] | None = None,
 ) -> Any:
-    """Declare a parameter: a number in [low, high] ((low, high] with `above`) or one of `choices`.
+    """Declare a parameter: a number in [low, high] ((low, high] with `above`) or one of `choices`,
+    which of a `Literal` are its names (`get_args`).
 
     The same declaration validates, documents (`describe`) and bounds a search over parameters.
 
@@ -38,7 +39,10 @@ def param(
     return dataclasses.field(default=default, metadata=metadata)
 
 
-_kinds = cache(get_type_hints)
+@cache
+def _kinds(params: Any) -> dict[str, Any]:
+    """Return the type of each parameter; a name out of some is a str."""
+    return {name: str if get_origin(kind) is Literal else kind for name, kind in get_type_hints(params).items()}
 
 
 class Params:

@@ -6,11 +6,13 @@ import hashlib
 import logging
 import time
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from ssgi_cl.core.errors import KernelBuildError
 from ssgi_cl.device import sources
+from ssgi_cl.device.compiled import CompiledRecord
 from ssgi_cl.device.drivers import pocl_cache
 from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.memory import outline
@@ -23,6 +25,12 @@ if TYPE_CHECKING:
     from ssgi_cl.device.runtime import Runtime
 
 _LOG = logging.getLogger("ssgi_cl")
+COMPILING = logging.getLogger("ssgi_cl.compiling")
+"""Gets a record when many programs are compiled for the first time; commands print it."""
+
+MANY = 6
+"""Programs never compiled before, in one process, from which on it is said that compiling takes a while: some
+hundred milliseconds."""
 
 _NO_HEADER = "-D_OPENCL_H_"
 """The include guard of Clang's opencl-c.h, which PoCL 3 includes in every program."""
@@ -33,6 +41,8 @@ class Programs:
 
     Attributes:
         builds: programs compiled so far.
+        record: of programs that were compiled on this machine before.
+        announced: whether it was said, or need not be said, that compiling takes a while.
         short_header: whether programs declare built-in functions by common/builtins.clh alone.
         kernels: (file, macros, structs, most lanes) -> kernel, of files in kernels/.
     """
@@ -40,9 +50,21 @@ class Programs:
     def __init__(self, runtime: Runtime, *, short_header: bool) -> None:
         self._runtime = runtime
         self.builds = 0
+        self.record = CompiledRecord()
+        self.announced = False
         self.short_header = short_header
         self.kernels: dict[tuple[Any, ...], Kernel] = {}
         self._programs: dict[str, Any] = {}
+        self._watcher: Callable[[], object] | None = None
+
+    @contextmanager
+    def watched(self, watcher: Callable[[], object]) -> Iterator[None]:
+        """Have `watcher` called after each program that is compiled meanwhile."""
+        before, self._watcher = self._watcher, watcher
+        try:
+            yield
+        finally:
+            self._watcher = before
 
     def kernel(
         self,
@@ -109,7 +131,7 @@ class Programs:
         key = hashlib.sha256("\0".join([text, *options]).encode()).hexdigest()
         program = self._programs.get(key)
         if program is None:
-            program = self._programs[key] = self._build(source, text, options)
+            program = self._programs[key] = self._noted(key, source, text, options)
         try:
             return Kernel(self._runtime, program, name, source, text, defined, structs)
         except KernelBuildError:
@@ -118,6 +140,21 @@ class Programs:
                 raise
         program = self._programs[key] = self._build(source, text, options)
         return Kernel(self._runtime, program, name, source, text, defined, structs)
+
+    def _noted(self, key: str, source: str, text: str, options: list[str]) -> Any:
+        """Build a program; say once that this takes a while, of many that are compiled for the first time."""
+        info = self._runtime.info
+        digest = hashlib.sha256(f"{info.driver}\0{info.label}\0{key}".encode()).hexdigest()
+        if not self.announced and self.record.new >= MANY - 1 and not self.record.has(digest):
+            self.announced = True
+            COMPILING.info(
+                "compiling kernels for %s, once: it takes up to a minute (`ssgi warmup` does it beforehand)", info.label
+            )
+        program = self._build(source, text, options)
+        self.record.add(digest)
+        if self._watcher is not None:
+            self._watcher()
+        return program
 
     def _build(self, source: str, text: str, options: list[str]) -> Any:
         cl = opencl()

@@ -13,6 +13,7 @@ from time import perf_counter
 from typing import Any, NamedTuple
 
 from ssgi_cl.core import checks
+from ssgi_cl.device.progress import Told
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.timing import PassTime
 from ssgi_cl.frame.record import GraphRecord, StageRecord, device_bytes
@@ -78,7 +79,9 @@ class Graph:
         self._made: dict[str, tuple[tuple[object, ...], tuple[Any, ...]]] = {}
         self._versions = dict.fromkeys(self._inputs, 0)
 
-    def run(self, given: Values, outputs: Iterable[str], also: Iterable[str] = ()) -> GraphRun:
+    def run(
+        self, given: Values, outputs: Iterable[str], also: Iterable[str] = (), tell: Told | None = None
+    ) -> GraphRun:
         """Run what `outputs` need, and wait for it.
 
         Should a stage raise, nothing is taken for made by it.
@@ -88,6 +91,8 @@ class Graph:
             outputs: resources asked for.
             also: resources that the caller reads afterwards where `outputs` need them; they live
                 as long as outputs.
+            tell: called after each stage, when the device is done with it, with the share of stages that is done;
+                below 1, which what is made of the outputs is.
 
         Raises:
             ValueError: an output that no stage writes, or a resource that is read and neither
@@ -98,7 +103,7 @@ class Graph:
         left_out = self._left_out(given, outputs, {**given, "outputs": outputs})
         log: dict[str, _Outcome] = {}
         with self.runtime.frame(self.costs):
-            values = self._run(given, outputs, left_out, log)
+            values = self._run(given, outputs, left_out, log, tell)
             passes = tuple(self.runtime.times())
         return GraphRun(values, passes, self._record(given, outputs, log, passes, also))
 
@@ -185,17 +190,25 @@ class Graph:
                 yield name
 
     def _run(
-        self, given: Values, outputs: frozenset[str], left_out: Mapping[str, tuple[str, str]], log: dict[str, _Outcome]
+        self,
+        given: Values,
+        outputs: frozenset[str],
+        left_out: Mapping[str, tuple[str, str]],
+        log: dict[str, _Outcome],
+        tell: Told | None,
     ) -> dict[str, Any]:
         """Run stages in their order; return all resources, and note in `log` what became of each."""
         values = dict(given)
-        for stage in self.stages:
+        for number, stage in enumerate(self.stages, 1):
             state, why = left_out.get(stage.name, ("", ""))
             if state:
                 told = {"culled": stage.culled, "idle": why}.get(state, "")
                 log[stage.name] = self._not_run(stage, state, why, told)
             elif not stage.on_demand or not outputs.isdisjoint(stage.writes):
                 self._bring(stage, values, log)
+            if tell is not None:
+                self.runtime.finish()
+                tell(number / (len(self.stages) + 1))
         for stage in self.stages:
             if stage.name not in log:
                 log[stage.name] = self._not_run(stage, "unneeded", READERS_REUSED, READERS_REUSED)

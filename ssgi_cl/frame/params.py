@@ -6,11 +6,12 @@ import math
 from collections.abc import Hashable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypedDict, get_args
 
 import numpy as np
 
 from ssgi_cl.core import checks
+from ssgi_cl.core.names import All, AoTechnique, BounceMethod, Bounces, Curve, OneBounce, Preset
 from ssgi_cl.core.params import Params, param, parameter_fields
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.arrays import Size
@@ -36,10 +37,8 @@ CONTACT = 2.0
 it, so that ambient occlusion stands in for them."""
 
 BOUNCES: dict[str, Technique] = {
-    "multires": CATALOGUE["multires_splat"],
-    "vpl": CATALOGUE["vpl_splat"],
-    "gather": CATALOGUE["rsm_gather"],
-    "ssdo": CATALOGUE["ssdo"],
+    name: CATALOGUE[technique]
+    for name, technique in zip(get_args(OneBounce), ("multires_splat", "vpl_splat", "rsm_gather", "ssdo"), strict=True)
 }
 """Techniques of one bounce by their name in `FrameParams.indirect`; the first is the default."""
 
@@ -55,7 +54,7 @@ BOUNCE_SETTINGS: dict[type[Params], dict[str, Any]] = {
 
 def _checked_bounces(bounces: object, low: int) -> int | str:
     if isinstance(bounces, str):
-        return checks.choice("bounces", bounces, ("all",))
+        return checks.choice("bounces", bounces, get_args(All))
     return checks.integer("bounces", bounces, low=low, high=MOST_BOUNCES, unit="reflections")
 
 
@@ -63,7 +62,7 @@ def _checked_bounces(bounces: object, low: int) -> int | str:
 class WholeFrameParams(Params):
     """Accuracy of the whole picture; `low`, `medium`, `high` and `ultra` are presets."""
 
-    bounces: int | str = param("all", "reflections on the way from a light to a pixel: 1 or more, or 'all'")
+    bounces: Bounces = param("all", "reflections on the way from a light to a pixel: 1 or more, or 'all'")
     vpls: int = param(4096, "virtual point lights for the first bounce of punctual lights", low=16, high=1 << 16)
     surfels: int = param(2048, "surface elements that carry all other light", low=16, high=1 << 14)
     directions: int = param(128, "sampled directions of environments", low=16, high=4096)
@@ -81,27 +80,27 @@ class WholeFrameParams(Params):
         _checked_bounces(self.bounces, 1)
 
     @classmethod
-    def low(cls, bounces: int | str = "all") -> WholeFrameParams:
+    def low(cls, bounces: Bounces = "all") -> WholeFrameParams:
         """Return the fastest preset."""
         return cls(vpls=1024, surfels=512, directions=64, error=0.2, bounces=bounces)
 
     @classmethod
-    def medium(cls, bounces: int | str = "all") -> WholeFrameParams:
+    def medium(cls, bounces: Bounces = "all") -> WholeFrameParams:
         """Return the preset between `low` and `high`."""
         return cls(vpls=2048, surfels=1024, bounces=bounces)
 
     @classmethod
-    def high(cls, bounces: int | str = "all") -> WholeFrameParams:
+    def high(cls, bounces: Bounces = "all") -> WholeFrameParams:
         """Return the default preset."""
         return cls(bounces=bounces)
 
     @classmethod
-    def ultra(cls, bounces: int | str = "all") -> WholeFrameParams:
+    def ultra(cls, bounces: Bounces = "all") -> WholeFrameParams:
         """Return the most exact preset."""
         return cls(vpls=16384, surfels=8192, directions=256, map_size=256, error=0.02, bounces=bounces)
 
 
-PRESETS = {name: getattr(WholeFrameParams, name) for name in ("low", "medium", "high", "ultra")}
+PRESETS = {name: getattr(WholeFrameParams, name) for name in get_args(Preset)}
 """Constructor of each preset by name, from the fastest to the most exact."""
 
 
@@ -113,16 +112,16 @@ class FrameParams(Params):
     `WholeFrameParams`: such parameters are taken as they are.
     """
 
-    bounces: int | str | None = param(None, "reflections: 0 or more, or 'all'; None: 'all' without `indirect`, else 0")
-    preset: str | WholeFrameParams | None = param(None, "accuracy of the whole picture; None: 'high'")  # noqa: RUF009
-    ao: bool | str | OcclusionParams = param(True, "technique of ambient occlusion; True: 'gtao'")  # noqa: RUF009
+    bounces: Bounces | None = param(None, "reflections: 0 or more, or 'all'; None: 'all' without `indirect`, else 0")
+    preset: Preset | WholeFrameParams | None = param(None, "accuracy of the whole picture; None: 'high'")
+    ao: bool | AoTechnique | OcclusionParams = param(True, "technique of ambient occlusion; True: 'gtao'")
     ao_radius: float | None = param(
         None, "of ambient occlusion and of 'ssdo'; None: chosen from the view", unit="scene units"
     )
     ao_samples: int | None = param(None, "points per pixel of 'ssao'")
     multi_bounce: bool = param(False, "whether ambient occlusion counts light that surfaces reflect")
-    indirect: bool | str | Params | None = param(None, "one bounce of light in place of all; True: 'multires'")  # noqa: RUF009
-    method: str | None = param(None, "method of `indirect`; None: its default")
+    indirect: bool | OneBounce | Params | None = param(None, "one bounce of light in place of all; True: 'multires'")
+    method: BounceMethod | None = param(None, "method of `indirect`; None: its default")
     vpls: int = param(1024, "virtual point lights of 'multires' and 'vpl'", low=1, high=1 << 24)
     glossy_vpls: int = param(0, "more lights of 'vpl', for what glossy surfaces mirror", low=0, high=1 << 24)
     indirect_ao: bool = param(False, "whether ambient occlusion dims reflected light too")
@@ -136,7 +135,7 @@ class FrameParams(Params):
         512, "along a side that reflected light is chosen from, at most", low=16, high=8192, unit="texels"
     )
     exposure: float | None = param(None, "factor before the tone curve; None: automatic")
-    curve: str = param("filmic", "of tones", choices=tuple(CURVES))
+    curve: Curve = param("filmic", "of tones", choices=CURVES)
     gbuffer: bool = param(False, "whether the frame holds the G-buffer too")
     outputs: Iterable[str] | None = param(None, "names of what the frame is to hold; None: the picture")
     skips: frozenset[str] = param(True, "names of work that may be left out; True: all, False: none")
@@ -280,6 +279,32 @@ class FrameParams(Params):
         techniques = (None if each is None else each.shape() for each in self.techniques())
         sizes = self.layers, self.overscan, self.auxiliary_cameras, self.shadow_size, self.rsm_size
         return self.whole, *techniques, *sizes, self.curve, self.indirect_ao, self.skips
+
+
+class FrameKeywords(TypedDict, total=False):
+    """`FrameParams` as keyword arguments."""
+
+    bounces: Bounces | None
+    preset: Preset | WholeFrameParams | None
+    ao: bool | AoTechnique | OcclusionParams
+    ao_radius: float | None
+    ao_samples: int | None
+    multi_bounce: bool
+    indirect: bool | OneBounce | Params | None
+    method: BounceMethod | None
+    vpls: int
+    glossy_vpls: int
+    indirect_ao: bool
+    layers: int
+    overscan: float
+    auxiliary_cameras: int
+    shadow_size: int
+    rsm_size: int
+    exposure: float | None
+    curve: Curve
+    gbuffer: bool
+    outputs: Iterable[str] | None
+    skips: bool | Iterable[str]
 
 
 def bounce_methods(name: str | None) -> tuple[str, ...]:

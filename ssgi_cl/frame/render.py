@@ -6,8 +6,10 @@ from collections.abc import Iterable, Sequence
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import Light, light_tuple
+from ssgi_cl.core.names import AoTechnique, BounceMethod, Bounces, Curve, OneBounce, Preset
 from ssgi_cl.core.params import parameter_fields
 from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.progress import Preparing, Progress, part_of, told
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.frame.params import FrameParams
 from ssgi_cl.frame.renderer import Renderer, default_ao_radius
@@ -23,14 +25,14 @@ def render(
     camera: Camera,
     lights: Sequence[Light],
     *,
-    bounces: int | str | None = None,
-    preset: str | None = None,
-    ao: bool | str = True,
+    bounces: Bounces | None = None,
+    preset: Preset | None = None,
+    ao: bool | AoTechnique = True,
     ao_radius: float | None = None,
     ao_samples: int | None = None,
     multi_bounce: bool = False,
-    indirect: bool | str | None = None,
-    method: str | None = None,
+    indirect: bool | OneBounce | None = None,
+    method: BounceMethod | None = None,
     vpls: int = 1024,
     glossy_vpls: int = 0,
     indirect_ao: bool = False,
@@ -40,11 +42,12 @@ def render(
     shadow_size: int = 1024,
     rsm_size: int = 512,
     exposure: float | None = None,
-    curve: str = "filmic",
+    curve: Curve = "filmic",
     gbuffer: bool = False,
     outputs: Iterable[str] | None = None,
     skips: bool | Iterable[str] = True,
     runtime: Runtime | None = None,
+    progress: Progress = None,
 ) -> Frame:
     """Render the whole picture: direct light with shadows, sky, all bounces, emission.
 
@@ -99,6 +102,8 @@ def render(
         skips: work that may be left out where it has no effect: True for all, False for none, or
             names from `ssgi_cl.frame.skips.SKIPS`. No bit of any output depends on it.
         runtime: the device; by default the fastest found.
+        progress: called with the share of the passes that is done, which grows to 1, kernels that are compiled
+            first among them; the device is waited for after each. True: a bar in terminals and notebooks.
 
     Returns:
         The outputs and the table of passes.
@@ -112,9 +117,12 @@ def render(
     lights = light_tuple(lights)
     params = FrameParams(**given)
     runtime = runtime or Runtime.open()
-    device_scene(scene, runtime)
-    renderer: Renderer = runtime.prepared(
-        (Renderer, camera.size, params.shape()), lambda: Renderer(runtime, camera.size, params)
-    )
-    renderer.params = params
-    return renderer(scene, camera, lights)
+    with told(progress, "rendering") as tell:
+        made = Preparing(tell)
+        with runtime.programs.watched(made):
+            device_scene(scene, runtime)
+            renderer: Renderer = runtime.prepared(
+                (Renderer, camera.size, params.shape()), lambda: Renderer(runtime, camera.size, params)
+            )
+        renderer.params = params
+        return renderer(scene, camera, lights, progress=part_of(tell, made.share, 1.0))

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from time import perf_counter
-from typing import Any
+from typing import Any, Unpack
 
 from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.keywords import check_names
 from ssgi_cl.core.lights import Light
+from ssgi_cl.core.params import parameter_fields
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.scene_parts import scene_parts
 from ssgi_cl.core.seen_extent import RADIUS_SHARE
 from ssgi_cl.core.suns import lights_with_suns
 from ssgi_cl.device.arrays import Size
+from ssgi_cl.device.progress import Progress, Told, told
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.graph import Graph
-from ssgi_cl.frame.params import CONTACT, FrameParams, cell_size
+from ssgi_cl.frame.params import CONTACT, FrameKeywords, FrameParams, cell_size
 from ssgi_cl.frame.passes import resources as of
 from ssgi_cl.frame.passes.build import Build
 from ssgi_cl.frame.passes.tonemap import pixels
@@ -56,15 +59,23 @@ class Renderer:
         runtime: the device.
         size: (rows, columns) of the pictures.
         params: of frames, by default those of `render`.
+        **given: fields of `FrameParams`, by the names that `render` has, in place of those in `params`.
+
+    Raises:
+        TypeError, ValueError: a parameter of another name, of the wrong type or out of range.
 
     Attributes:
         params: of the next frame; others of the same `FrameParams.shape` may be set.
     """
 
-    def __init__(self, runtime: Runtime, size: Size, params: FrameParams | None = None) -> None:
+    def __init__(
+        self, runtime: Runtime, size: Size, params: FrameParams | None = None, **given: Unpack[FrameKeywords]
+    ) -> None:
         self.runtime = runtime
         self.size = size
-        self._params = params = params or FrameParams()
+        check_names("Renderer()", given, parameter_fields(FrameParams))
+        values: Any = given
+        self._params = params = FrameParams(**values) if params is None else replace(params, **values)
         build = Build(runtime, size, params)
         self._target = build.rasterizer.target
         self._graph = Graph(runtime, PIPELINES[params.kind](build), keep="unchanged" in params.skips)
@@ -85,19 +96,28 @@ class Renderer:
             )
         self._params = params
 
-    def __call__(self, scene: Scene, camera: Camera, lights: Sequence[Light], **changes: Any) -> Frame:
+    def __call__(
+        self,
+        scene: Scene,
+        camera: Camera,
+        lights: Sequence[Light],
+        *,
+        progress: Progress = None,
+        **changes: Unpack[FrameKeywords],
+    ) -> Frame:
         """Render one frame; see `render`. `changes` are other values of parameters for it alone."""
         params = self._changed(changes) if changes else self._params
-        return self.runtime.exclusively(lambda: self._frame(scene, camera, tuple(lights), params))
+        with told(progress, "rendering") as tell:
+            return self.runtime.exclusively(lambda: self._frame(scene, camera, tuple(lights), params, tell))
 
-    def _changed(self, changes: dict[str, Any]) -> FrameParams:
+    def _changed(self, changes: Mapping[str, Any]) -> FrameParams:
         """Return the parameters with other values, checked once for frames with the same changes."""
         of, latest, found = self._latest
         if of is not self._params or latest != changes:
             found = replace(self._params, **changes)
             if found.shape() != self._params.shape():
                 raise ValueError(f"{', '.join(changes)}: expected values that a renderer need not be prepared for anew")
-            self._latest = self._params, changes, found
+            self._latest = self._params, dict(changes), found
         return found
 
     def graph(self) -> GraphRecord:
@@ -143,7 +163,9 @@ class Renderer:
             of.INDIRECT_PARAMS: bounce,
         }
 
-    def _frame(self, scene: Scene, camera: Camera, lights: tuple[Light, ...], params: FrameParams) -> Frame:
+    def _frame(
+        self, scene: Scene, camera: Camera, lights: tuple[Light, ...], params: FrameParams, tell: Told | None
+    ) -> Frame:
         start = perf_counter()
         names = PICTURE if params.outputs is None else frozenset(params.outputs)
         planes = names & PLANES if params.outputs is not None else PLANES
@@ -155,11 +177,11 @@ class Renderer:
                 self._graph.forget("G-buffer")
         radius = self._radius(scene, camera, params)  # queues passes of its own
         with self.runtime.frame(self._graph.costs):
-            run = self._graph.run(self._given(scene, camera, lights, params, radius), self._wanted(names), also)
+            run = self._graph.run(self._given(scene, camera, lights, params, radius), self._wanted(names), also, tell)
             self._record, made, seen = run.record, run.values, run.values[of.GBUFFER]
             visibility, reflected = (made.get(name) if name in also else None for name in (of.AO, of.INDIRECT))
             levels = made.get(of.LEVELS) if holds else None
-            return Frame(
+            frame = Frame(
                 _image=made[of.IMAGE].copy() if "image" in names else None,
                 ao=None if visibility is None else visibility.download(region=seen.seen)[0],
                 indirect=None if reflected is None else pixels(reflected),
@@ -171,3 +193,6 @@ class Renderer:
                 _radiance=made[of.PIXELS] if "radiance" in names else None,
                 graph=run.record,
             )
+        if tell is not None:
+            tell(1.0)
+        return frame

@@ -29,6 +29,9 @@ SKIPS = {
 }
 """Work that each skip leaves out, by its name. Results are bit-identical with and without."""
 
+ONE_PICTURE = frozenset(SKIPS) - {"unchanged"}
+"""Skips of a picture that is to take as long as a first one, though it is drawn a second time."""
+
 
 def chosen_skips(skips: object) -> frozenset[str]:
     """Return the names of the skips that are on.

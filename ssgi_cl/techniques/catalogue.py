@@ -6,7 +6,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import get_args
 
+from ssgi_cl.core.names import AoTechnique
 from ssgi_cl.techniques.ao import bitmask_ao, gtao, hbao, ssao
 from ssgi_cl.techniques.direct import shade
 from ssgi_cl.techniques.filters import bilateral, tonemap, upsample
@@ -47,7 +49,7 @@ def of_kind(kind: str) -> dict[str, Technique]:
     return {name: each for name, each in CATALOGUE.items() if each.kind == kind}
 
 
-TECHNIQUES: dict[str, Technique] = of_kind("ao")
+TECHNIQUES: dict[str, Technique] = {name: CATALOGUE[name] for name in get_args(AoTechnique)}
 """Techniques of ambient occlusion by name."""
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import asdict, replace
 
 import numpy as np
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device.progress import Progress, part_of, told
 from ssgi_cl.reference.ao.ssao import visibility
 from ssgi_cl.reference.gbuffer import SurfaceView
 from ssgi_cl.techniques.ao.ssao import SsaoParams, sample_points
@@ -41,7 +41,7 @@ def ssao(
     points: int = 1024,
     *,
     rebuild: bool = False,
-    progress: Callable[[float], object] | None = None,
+    progress: Progress = None,
 ) -> Truth:
     """Return the A that SSAO tends to: many points, float64, full resolution, no blur.
 
@@ -53,7 +53,7 @@ def ssao(
         params: the occlusion model; numbers of samples, resolution and blur do not matter.
         points: per pixel and radius, 1 to 2^20; rounded up to a multiple of 128.
         rebuild: make it anew, whatever is kept.
-        progress: called with the share that is done, which grows to 1.
+        progress: called with the share that is done, which grows to 1. True: a bar in terminals and notebooks.
 
     Returns:
         Mean A [rows, columns] float32 in [0, 1] and its standard error, infinite from a single
@@ -73,20 +73,21 @@ def ssao(
     table = sample_points(passes * PASS_POINTS, params.length_power)
     view = SurfaceView.of(gbuffer)
     found = []
-    for index, radius in enumerate(radii):
-        # A power of a mean is not the mean of powers: contrast comes last.
-        single = replace(params, radius=(radius,), contrast=1.0)
-        found.append(
-            accumulated(
-                _description(gbuffer, single),
-                passes,
-                lambda number, single=single: visibility(  # type: ignore[misc]
-                    view, single, table[PASS_POINTS * number : PASS_POINTS * (number + 1)]
-                ),
-                rebuild=rebuild,
-                progress=progress and (lambda done, index=index: progress((index + done) / len(radii))),  # type: ignore[misc]
+    with told(progress, "points") as tell:
+        for index, radius in enumerate(radii):
+            # A power of a mean is not the mean of powers: contrast comes last.
+            single = replace(params, radius=(radius,), contrast=1.0)
+            found.append(
+                accumulated(
+                    _description(gbuffer, single),
+                    passes,
+                    lambda number, single=single: visibility(  # type: ignore[misc]
+                        view, single, table[PASS_POINTS * number : PASS_POINTS * (number + 1)]
+                    ),
+                    rebuild=rebuild,
+                    progress=part_of(tell, index / len(radii), (index + 1) / len(radii)),
+                )
             )
-        )
     return _contrasted(found[0] if len(found) == 1 else _darkest(found), params.contrast)
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +10,7 @@ from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.sampling import basis, directions, hashed, r2_points, wrapped
 from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.progress import Progress
 from ssgi_cl.truth.digests import camera_description, scene_digest
 from ssgi_cl.truth.estimators import versioned
 from ssgi_cl.truth.occlusion import inner_digest, split
@@ -21,13 +20,7 @@ from ssgi_cl.truth.store import Truth, accumulated
 
 
 def bent_normals(
-    scene: Scene,
-    gbuffer: GBuffer,
-    radius: float,
-    rays: int = 512,
-    *,
-    rebuild: bool = False,
-    progress: Callable[[float], object] | None = None,
+    scene: Scene, gbuffer: GBuffer, radius: float, rays: int = 512, *, rebuild: bool = False, progress: Progress = None
 ) -> Truth:
     """Return the mean unoccluded directions of what pixels show, by cosine-weighted rays.
 
@@ -35,7 +28,7 @@ def bent_normals(
         scene, gbuffer, radius: see `ssgi_cl.ray_ao`.
         rays: per pixel, 1 to 2^20; rounded up to a multiple of the number of passes, 2 to 16.
         rebuild: make it anew, whatever is kept.
-        progress: called with the share that is done, which grows to 1.
+        progress: called with the share that is done, which grows to 1. True: a bar in terminals and notebooks.
 
     Returns:
         World-space directions [rows, columns, 3] float32 of unit length, 0 where nothing is seen

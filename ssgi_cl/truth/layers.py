@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -16,6 +15,7 @@ from ssgi_cl.core import checks
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.progress import Progress, part_of, told
 from ssgi_cl.reference.gbuffer import SurfaceView
 from ssgi_cl.truth.digests import camera_description, digest
 from ssgi_cl.truth.estimators import versioned
@@ -33,7 +33,7 @@ def layered_occlusion(
     weighting: str = "cosine",
     attenuation: str | ArrayLike = "none",
     rebuild: bool = False,
-    progress: Callable[[float], object] | None = None,
+    progress: Progress = None,
 ) -> Truth:
     """Return A by rays against the geometry that depth layers hold alone; kept on disk.
 
@@ -88,22 +88,24 @@ def layered_occlusion(
         held = mesh.layer_mesh(gbuffer, joins)
         return None if held is None else _LayerAo(held, gbuffer)
 
-    def make(number: int) -> NDArray[np.float32]:
-        made = caster()
-        if made is None:
-            return np.ones(gbuffer.size, np.float32)
-        return made(
-            gbuffer.camera,
-            radius,
-            share,
-            weighting=weighting,
-            attenuation=attenuation,
-            estimate_error=False,
-            seed=number,
-            progress=progress and (lambda done: progress((number + done) / passes)),
-        )[0]
+    with told(progress, "ambient occlusion") as tell:
 
-    return accumulated(description, passes, make, rebuild=rebuild, progress=progress)
+        def make(number: int) -> NDArray[np.float32]:
+            made = caster()
+            if made is None:
+                return np.ones(gbuffer.size, np.float32)
+            return made(
+                gbuffer.camera,
+                radius,
+                share,
+                weighting=weighting,
+                attenuation=attenuation,
+                estimate_error=False,
+                seed=number,
+                progress=part_of(tell, number / passes, (number + 1) / passes),
+            )[0]
+
+        return accumulated(description, passes, make, rebuild=rebuild, progress=tell)
 
 
 class _LayerAo(estimator.RayAo):

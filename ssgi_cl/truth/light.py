@@ -14,6 +14,7 @@ from ssgi_cl.core import checks
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import Environment, Light, light_tuple
 from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.progress import Progress
 from ssgi_cl.truth import digests, mitsuba_scene
 from ssgi_cl.truth.estimators import versioned
 from ssgi_cl.truth.path_tracer import BounceWithoutVisibility, DirectLight, OneBounce, PathTracer
@@ -39,7 +40,7 @@ def direct_light(
     paths: int = 256,
     *,
     rebuild: bool = False,
-    progress: Callable[[float], object] | None = None,
+    progress: Progress = None,
 ) -> Truth:
     """Return the irradiance by light that comes straight from lights, at what each pixel shows.
 
@@ -59,7 +60,7 @@ def direct_light(
             passes, 8 or more from 64 paths on and about the square root of `paths` below, and
             rounded up to a multiple of that. Of a single path the error is unknown (infinite).
         rebuild: make it anew even where it is kept.
-        progress: called with the share that is done, which grows to 1.
+        progress: called with the share that is done, which grows to 1. True: a bar in terminals and notebooks.
 
     Returns:
         Irradiance E in W/m^2 and its standard error, [rows, columns, 3] float32 each; 0 where
@@ -82,7 +83,7 @@ def one_bounce(
     *,
     visibility: bool = True,
     rebuild: bool = False,
-    progress: Callable[[float], object] | None = None,
+    progress: Progress = None,
 ) -> Truth:
     """Return the irradiance by light that one diffuse surface has reflected on its way.
 
@@ -115,7 +116,7 @@ def _truth(
     lights: Sequence[Light],
     paths: int,
     rebuild: bool,
-    progress: Callable[[float], object] | None,
+    progress: Progress,
 ) -> Truth:
     lights = checked_inputs(scene, camera, lights)
     if not lights:
@@ -135,7 +136,7 @@ def traced(
     *,
     exact: bool,
     rebuild: bool,
-    progress: Callable[[float], object] | None,
+    progress: Progress,
 ) -> Truth:
     """Return the mean of a tracer's images, the kept one or made now.
 

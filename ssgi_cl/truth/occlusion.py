@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from ssgi_cl.core import checks
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.progress import Progress, part_of, told
 from ssgi_cl.truth.digests import camera_description, digest, scene_digest
 from ssgi_cl.truth.estimators import versioned
 from ssgi_cl.truth.store import Truth, accumulated
@@ -34,7 +34,7 @@ def ambient_occlusion(
     attenuation: str | ArrayLike = "none",
     gbuffer: GBuffer | None = None,
     rebuild: bool = False,
-    progress: Callable[[float], object] | None = None,
+    progress: Progress = None,
 ) -> Truth:
     """Return A by rays from what each pixel's centre shows to the mesh; kept on disk.
 
@@ -45,7 +45,7 @@ def ambient_occlusion(
         scene, camera, radius, weighting, attenuation, gbuffer: see `ssgi_cl.ray_ao`.
         rays: per pixel, 1 to 2^20; rounded up to a multiple of the number of passes.
         rebuild: make it anew, whatever is kept.
-        progress: called with the share that is done, which grows to 1.
+        progress: called with the share that is done, which grows to 1. True: a bar in terminals and notebooks.
 
     Returns:
         Mean A [rows, columns] float32 in [0, 1] and its standard error; 1 and 0 where nothing is
@@ -70,20 +70,22 @@ def ambient_occlusion(
         "estimator": versioned("occlusion"),
     }
 
-    def make(number: int) -> NDArray[np.float32]:
-        return estimator.ray_ao(
-            scene,
-            camera,
-            radius,
-            share,
-            weighting=weighting,
-            attenuation=attenuation,
-            gbuffer=gbuffer,
-            seed=number,
-            progress=progress and (lambda done: progress((number + done) / passes)),
-        )
+    with told(progress, "ambient occlusion") as tell:
 
-    return accumulated(description, passes, make, rebuild=rebuild, progress=progress)
+        def make(number: int) -> NDArray[np.float32]:
+            return estimator.ray_ao(
+                scene,
+                camera,
+                radius,
+                share,
+                weighting=weighting,
+                attenuation=attenuation,
+                gbuffer=gbuffer,
+                seed=number,
+                progress=part_of(tell, number / passes, (number + 1) / passes),
+            )
+
+        return accumulated(description, passes, make, rebuild=rebuild, progress=tell)
 
 
 def split(rays: int) -> tuple[int, int]:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
-from typing import Literal
+from typing import get_args
 
 from ssgi_cl.core import checks
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import Environment, Light, light_extent
+from ssgi_cl.core.names import All, Bounces
 from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.progress import Progress
 from ssgi_cl.truth.estimators import versioned
 from ssgi_cl.truth.light import checked_inputs, traced
 from ssgi_cl.truth.radiance_tracer import MOST_BOUNCES, RadianceTracer
@@ -21,11 +23,11 @@ def radiance(
     camera: Camera,
     lights: Sequence[Light],
     paths: int = 256,
-    bounces: int | Literal["all"] = "all",
+    bounces: Bounces = "all",
     *,
     box_filter: bool = False,
     rebuild: bool = False,
-    progress: Callable[[float], object] | None = None,
+    progress: Progress = None,
 ) -> Truth:
     """Return the radiance that each pixel sees: all light of a scene.
 
@@ -52,7 +54,7 @@ def radiance(
             whose radiance is infinite).
         box_filter: mean over each pixel's area in place of its centre's radiance.
         rebuild: make it anew even where it is kept.
-        progress: called with the share that is done, which grows to 1.
+        progress: called with the share that is done, which grows to 1. True: a bar in terminals and notebooks.
 
     Returns:
         Radiance in W m^-2 sr^-1 and its standard error, [rows, columns, 3] float32 each. Kept on
@@ -87,9 +89,9 @@ def radiance(
     return traced(description, tracer, scene, camera, lights, paths, exact=exact, rebuild=rebuild, progress=progress)
 
 
-def _most_bounces(bounces: int | Literal["all"]) -> int:
+def _most_bounces(bounces: Bounces) -> int:
     if isinstance(bounces, str):
-        if bounces != "all":
+        if bounces not in get_args(All):
             raise ValueError(f"bounces is {bounces!r}: expected 'all' or an integer, 0 to {MOST_BOUNCES}")
         return MOST_BOUNCES
     return checks.integer("bounces", bounces, low=0, high=MOST_BOUNCES)

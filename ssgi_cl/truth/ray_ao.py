@@ -19,6 +19,7 @@ from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.keywords import checked_keywords
 from ssgi_cl.core.sampling import basis, directions, hashed, r2_points, wrapped
 from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.progress import Progress, Told, told
 from ssgi_cl.truth.raycast import RayCaster, Spots, check_gbuffer
 
 Doubles = NDArray[np.float64]
@@ -69,7 +70,7 @@ class RayAo:
         attenuation: str | ArrayLike = "none",
         target_error: float | None = None,
         estimate_error: bool = True,
-        progress: Callable[[float], object] | None = None,
+        progress: Progress = None,
         gbuffer: GBuffer | None = None,
         seed: int = 0,
     ) -> tuple[Floats, Floats]:
@@ -94,7 +95,8 @@ class RayAo:
                 visibility.ravel()[spots.pixel] = np.clip(1.0 - occluded, 0.0, 1.0)
                 error.ravel()[spots.pixel] = deviation
 
-        in_blocks((rows, columns), work, progress)
+        with told(progress, "rays") as tell:
+            in_blocks((rows, columns), work, tell)
         return visibility, error
 
     def occlusion(self, spots: Spots, settings: Settings) -> tuple[Doubles, Doubles]:
@@ -226,17 +228,15 @@ def _mean_and_error(batches: Doubles) -> tuple[Doubles, Doubles]:
     return mean, deviation
 
 
-def in_blocks(
-    size: tuple[int, int], work: Callable[[slice], None], progress: Callable[[float], object] | None = None
-) -> None:
+def in_blocks(size: tuple[int, int], work: Callable[[slice], None], tell: Told | None = None) -> None:
     """Call `work` with blocks of the rows of an image of a size (rows, columns), in threads."""
     rows, columns = size
     height = max(1, BLOCK_PIXELS // columns)
     blocks = [slice(first, min(first + height, rows)) for first in range(0, rows, height)]
     with ThreadPoolExecutor(threads()) as pool:
         for block, _ in zip(blocks, pool.map(work, blocks), strict=True):
-            if progress is not None:
-                progress(block.stop / rows)
+            if tell is not None:
+                tell(block.stop / rows)
 
 
 def threads() -> int:
@@ -251,7 +251,7 @@ class _Options(TypedDict, total=False):
     weighting: str
     attenuation: str | ArrayLike
     target_error: float | None
-    progress: Callable[[float], object] | None
+    progress: Progress
     gbuffer: GBuffer | None
     seed: int
 
@@ -291,7 +291,7 @@ def ray_ao(
     attenuation: str | ArrayLike = "none",
     target_error: float | None = None,
     return_error: bool = False,
-    progress: Callable[[float], object] | None = None,
+    progress: Progress = None,
     gbuffer: GBuffer | None = None,
     seed: int = 0,
 ) -> Floats | tuple[Floats, Floats]:
@@ -327,7 +327,7 @@ def ray_ao(
         target_error: stop when the root of the mean square of the standard errors of the pixels
             that show something is at most this, part by part of the image, or at `rays`.
         return_error: return the standard error too.
-        progress: called with the share that is done, which grows to 1.
+        progress: called with the share that is done, which grows to 1. True: a bar in terminals and notebooks.
         gbuffer: take visible points and normals from this G-buffer of the same scene and camera
             instead of from rays; the mesh is looked for within 1e-4 of its depth. Where it has no
             normals, the triangles' are used.

@@ -9,7 +9,7 @@ over the image.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
@@ -19,6 +19,7 @@ from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.sampling import r_points
 from ssgi_cl.device.constants import SLICES_NEAREST_TAP
+from ssgi_cl.device.progress import Progress
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
 from ssgi_cl.techniques.ao.bitmask_ao import BitmaskParams
 from ssgi_cl.techniques.ao.slices import SliceParams
@@ -57,7 +58,7 @@ def converged(
     pixels: int = 4096,
     slices: int = 64,
     rebuild: bool = False,
-    progress: Callable[[float], object] | None = None,
+    progress: Progress = None,
 ) -> Truth:
     """Return the A that a technique of slices tends to: ever more slices and taps, no blur.
 
@@ -69,7 +70,7 @@ def converged(
             there are no more.
         slices: of each, 1 to 2^16; rounded up to a multiple of 8.
         rebuild: make it anew, whatever is kept.
-        progress: called with the share that is done, which grows to 1.
+        progress: called with the share that is done, which grows to 1. True: a bar in terminals and notebooks.
 
     Returns:
         Mean A [rows, columns] float32 in [0, 1], NaN where it was not computed, 1 where nothing is;

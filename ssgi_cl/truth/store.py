@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core import checks
 from ssgi_cl.core.errors import TruthError
 from ssgi_cl.device.drivers.caches import cache_folder
+from ssgi_cl.device.progress import Progress, Told, told
 from ssgi_cl.truth.digests import canonical, digest
 from ssgi_cl.truth.files import TruthFiles, read
 
@@ -74,7 +75,7 @@ def accumulated(
     *,
     exact: bool = False,
     rebuild: bool = False,
-    progress: Callable[[float], object] | None = None,
+    progress: Progress = None,
     folder: Path | None = None,
 ) -> Truth:
     """Return the mean of independent estimates: the kept one, or it is made now and kept.
@@ -91,7 +92,7 @@ def accumulated(
             [rows, columns, 3]; all equally good, independent, and the same whenever it is called.
         exact: an estimate has no noise, so that the standard error is 0.
         rebuild: forget what is kept, and make it anew.
-        progress: called with the share that is done, which grows to 1.
+        progress: called with the share that is done, which grows to 1. True: a bar in terminals and notebooks.
         folder: where to keep it, by default `truth_folder()`.
 
     Raises:
@@ -109,10 +110,11 @@ def accumulated(
     if rebuild:
         kept.forget()
     found = kept.load(kept.path, "mean", "error")
-    if found is None:
-        found = _made(kept, passes, make, exact, progress)
-    elif progress is not None:
-        progress(1.0)
+    with told(progress, str(description["kind"])) as tell:
+        if found is None:
+            found = _made(kept, passes, make, exact, tell)
+        elif tell is not None:
+            tell(1.0)
     return Truth(found["mean"], found["error"], passes, key)
 
 
@@ -163,11 +165,7 @@ class _Sums:
 
 
 def _made(
-    kept: TruthFiles,
-    passes: int,
-    make: Callable[[int], NDArray[Any]],
-    exact: bool,
-    progress: Callable[[float], object] | None,
+    kept: TruthFiles, passes: int, make: Callable[[int], NDArray[Any]], exact: bool, tell: Told | None
 ) -> dict[str, NDArray[Any]]:
     begun = kept.load(kept.partial, "passes", "mean", "squares")
     sums = _Sums(0, np.zeros(()), np.zeros(()))
@@ -181,8 +179,8 @@ def _made(
             if sums.passes < passes and time.monotonic() - saved_at >= SAVE_SECONDS:
                 kept.save(kept.partial, **vars(sums))
                 saved, saved_at = sums.passes, time.monotonic()
-            if progress is not None:
-                progress(sums.passes / passes)
+            if tell is not None:
+                tell(sums.passes / passes)
     except BaseException:
         if sums.passes > saved:
             kept.save(kept.partial, **vars(sums))

@@ -6,6 +6,7 @@ from typing import Any, Literal, TypedDict, Unpack, overload
 
 from ssgi_cl.core import checks
 from ssgi_cl.core.keywords import check_names
+from ssgi_cl.core.names import Preset
 from ssgi_cl.core.params import parameter_fields
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.runtime import Runtime
@@ -20,7 +21,7 @@ from ssgi_cl.techniques.presets.choose import Choice, choice_for
 class _Asked(TypedDict, total=False):
     """Keywords of the request, and of the pictures."""
 
-    preset: str | None
+    preset: Preset | None
     error: float | None
     budget_ms: float | None
     layers: int
@@ -67,7 +68,7 @@ def choose(
     technique: str,
     size: Size,
     *,
-    preset: str | None = None,
+    preset: Preset | None = None,
     error: float | None = None,
     budget_ms: float | None = None,
     layers: int = 1,

@@ -11,6 +11,7 @@ from typing import Any
 
 from ssgi_cl.core import checks
 from ssgi_cl.core.keywords import checked_keywords
+from ssgi_cl.core.names import AoTechnique
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.raster.view import MOST_LAYERS
@@ -38,7 +39,7 @@ know what lies just beyond."""
 
 @checked_keywords
 def tune(
-    technique: str,
+    technique: AoTechnique,
     *,
     budget_ms: float | None = None,
     max_error: float | None = None,

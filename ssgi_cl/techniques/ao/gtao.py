@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.names import Preset
 from ssgi_cl.core.params import param
 from ssgi_cl.device.arrays import Plane
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
@@ -118,7 +119,7 @@ def gtao(
     taps: int | None = ...,
     *,
     bent_normals: Literal[False] = False,
-    preset: str | None = ...,
+    preset: Preset | None = ...,
     error: float | None = ...,
     budget_ms: float | None = ...,
     runtime: Runtime | None = ...,
@@ -132,7 +133,7 @@ def gtao(
     taps: int | None = ...,
     *,
     bent_normals: Literal[True],
-    preset: str | None = ...,
+    preset: Preset | None = ...,
     error: float | None = ...,
     budget_ms: float | None = ...,
     runtime: Runtime | None = ...,
@@ -146,7 +147,7 @@ def gtao(
     taps: int | None = None,
     *,
     bent_normals: bool = False,
-    preset: str | None = None,
+    preset: Preset | None = None,
     error: float | None = None,
     budget_ms: float | None = None,
     runtime: Runtime | None = None,

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.names import Preset
 from ssgi_cl.core.params import param
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime, serialised
@@ -81,7 +82,7 @@ def hbao(
     slices: int | None = None,
     taps: int | None = None,
     *,
-    preset: str | None = None,
+    preset: Preset | None = None,
     error: float | None = None,
     budget_ms: float | None = None,
     runtime: Runtime | None = None,

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, TypedDict, TypeVar
+from typing import Any, ClassVar, TypedDict, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.names import BlurResolution, Resolution
 from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import Plane, Size, plane_bytes
@@ -22,10 +23,11 @@ from ssgi_cl.techniques.filters.upsample import ReducedGBuffer, Upsample, Upsamp
 from ssgi_cl.techniques.presets.choose import params_for
 from ssgi_cl.techniques.source import Source
 
-RESOLUTIONS = {"full": 1, "half": 2, "quarter": 4}
+RESOLUTIONS: dict[str, int] = dict(zip(get_args(Resolution), (1, 2, 4), strict=True))
+"""Step of the pixels of each."""
 BLUR_DEPTH_SIGMA = 0.002
 """Of the blur, per pixel of the result: small enough to keep reliefs a few pixels wide."""
-BLUR_RESOLUTIONS = ("own", "full")
+BLUR_RESOLUTIONS = get_args(BlurResolution)
 """Size at which the blur works: that at which occlusion is computed, or the full one."""
 
 
@@ -36,12 +38,12 @@ class OcclusionParams(Params):
     max_radius_px: float = param(
         math.inf, "limit of the projected radius, for a near view", low=1.0, high=math.inf, unit="px"
     )
-    resolution: str = param("full", "size at which occlusion is computed", choices=tuple(RESOLUTIONS))
+    resolution: Resolution = param("full", "size at which occlusion is computed", choices=tuple(RESOLUTIONS))
     blur_radius: int = param(
         2, "edge-aware blur against the noise of the 4 x 4 tile; 0 for none", low=0, high=16, unit="px"
     )
     blur_passes: int = param(1, "how often it is blurred", low=0, high=64)
-    blur_resolution: str = param(
+    blur_resolution: BlurResolution = param(
         "own",
         "size at which the blur works and its radius counts: that of `resolution`, or full",
         choices=BLUR_RESOLUTIONS,
@@ -63,10 +65,10 @@ class OcclusionKeywords(TypedDict, total=False):
     """`OcclusionParams` as keyword arguments."""
 
     max_radius_px: float
-    resolution: str
+    resolution: Resolution
     blur_radius: int
     blur_passes: int
-    blur_resolution: str
+    blur_resolution: BlurResolution
 
 
 class OcclusionTechnique(Prepared[Any], ABC):

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.names import Preset
 from ssgi_cl.core.params import param
 from ssgi_cl.core.sampling import DEPTH_BIAS, TILE_ORDER
 from ssgi_cl.device.active_region import Region
@@ -272,7 +273,7 @@ def ssao(
     radius: ArrayLike | None = None,
     samples: int | None = None,
     *,
-    preset: str | None = None,
+    preset: Preset | None = None,
     error: float | None = None,
     budget_ms: float | None = None,
     runtime: Runtime | None = None,

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core import checks
+from ssgi_cl.core.names import Curve
 from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.device.active_region import Region, copy_region
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.techniques.technique import Bench, Technique
 
-CURVES = ("clip", "filmic")
+CURVES = get_args(Curve)
 MIDDLE_GREY = 0.18
 LARGEST_EXPOSURE = 1e30
 """Greater ones count as this one, which is finite in float32."""
@@ -25,7 +26,7 @@ LARGEST_EXPOSURE = 1e30
 class TonemapParams(Params):
     """Parameters of tone mapping (Narkowicz 2015; Reinhard et al. 2002)."""
 
-    curve: str = param(
+    curve: Curve = param(
         "filmic", "fit of the ACES reference transform, or 'clip': what exceeds 1 is cut", choices=CURVES
     )
     exposure: float | None = param(
@@ -136,7 +137,7 @@ def tonemap(
     radiance: ArrayLike,
     *,
     exposure: float | None = None,
-    curve: str = "filmic",
+    curve: Curve = "filmic",
     bits: int = 8,
     runtime: Runtime | None = None,
 ) -> NDArray[Any]:

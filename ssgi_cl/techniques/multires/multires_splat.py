@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain
-from typing import Any, ClassVar, Unpack
+from typing import Any, ClassVar, Unpack, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.core.names import MultiresMethod
 from ssgi_cl.core.params import Prepared, param
 from ssgi_cl.core.scene import Scene, box_corners
 from ssgi_cl.core.vpls import Vpls
@@ -247,10 +248,13 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
         return out
 
 
-METHODS = {
-    "adaptive": Method(MultiresSplat, MultiresSplatParams),
-    "published": Method(MultiresPublished, MultiresPublishedParams),
-}
+METHODS: dict[str, Method] = dict(
+    zip(
+        get_args(MultiresMethod),
+        (Method(MultiresSplat, MultiresSplatParams), Method(MultiresPublished, MultiresPublishedParams)),
+        strict=True,
+    )
+)
 """The first is the default."""
 
 
@@ -262,7 +266,7 @@ def multires_splat(
     interpolation_error: float | None = None,
     *,
     scene: Scene | None = None,
-    method: str = "adaptive",
+    method: MultiresMethod = "adaptive",
     runtime: Runtime | None = None,
     **params: Unpack[MultiresSplatKeywords],
 ) -> NDArray[np.float32]:

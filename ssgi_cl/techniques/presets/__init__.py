@@ -13,11 +13,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
-from typing import Any
+from typing import Any, get_args
 
 from ssgi_cl.core import checks
+from ssgi_cl.core.names import Preset
 
-NAMES = ("low", "medium", "high", "ultra")
+NAMES = get_args(Preset)
 """From the fastest to the best."""
 
 
@@ -75,7 +76,7 @@ def parameters(technique: str, name: str, layers: int = 1) -> dict[str, Any]:
         ValueError: the technique has no presets, or none of this name.
     """
     presets = recorded_for(technique, layers)["presets"]
-    return dict(presets[checks.choice("preset", name, tuple(presets))]["parameters"])
+    return dict(presets[checks.choice("preset", name, NAMES)]["parameters"])
 
 
 def curve(technique: str, layers: int = 1) -> list[Setting]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.names import Preset
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
@@ -43,7 +44,7 @@ def choice_for(
     technique: type[OcclusionTechnique],
     size: Size,
     *,
-    preset: str | None = None,
+    preset: Preset | None = None,
     error: float | None = None,
     budget_ms: float | None = None,
     layers: int = 1,
@@ -144,7 +145,7 @@ def _reaches(margin: Size, size: Size, overscan: float) -> bool:
 
 def _named(technique: str, name: str, layers: int) -> presets.Setting:
     known = presets.recorded_for(technique, layers)["presets"]
-    values = dict(known[checks.choice("preset", name, tuple(known))])
+    values = dict(known[checks.choice("preset", name, presets.NAMES)])
     del values["by_scene"]
     return presets.Setting(**values)
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import ReflectiveShadowMap
 from ssgi_cl.core.lights import Environment, Light, environments_of, shines
+from ssgi_cl.core.names import Bounces
 from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.vpls import PARTS, Vpls
@@ -45,7 +46,7 @@ class RadiosityParams(Params):
     """Parameters of radiosity."""
 
     surfels: int = param(2048, "pieces that surfaces are divided into, about", low=16, high=1 << 14)
-    bounces: int | str = param(
+    bounces: Bounces = param(
         "all",
         "reflections on the way from a light to a pixel: 1 or more, or 'all': until those "
         "to come have less than 0.2 % of the flux",
@@ -76,7 +77,7 @@ class RadiosityKeywords(TypedDict, total=False):
     """The parameters of `radiosity`."""
 
     surfels: int
-    bounces: int | str
+    bounces: Bounces
     emission: bool
     vpls: int
     directions: int

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, TypedDict, Unpack
+from typing import Any, TypedDict, Unpack, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.core.names import GatherMethod, GatherResolution
 from ssgi_cl.core.params import Params, param
 from ssgi_cl.device.arrays import Plane
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
@@ -24,7 +25,7 @@ from ssgi_cl.techniques.rsm.rsm_published import RsmPublished, RsmPublishedParam
 from ssgi_cl.techniques.rsm.rsm_technique import RsmTechnique
 from ssgi_cl.techniques.technique import Bench, Technique
 
-RESOLUTIONS = ("full", "adaptive")
+RESOLUTIONS = get_args(GatherResolution)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +54,7 @@ class RsmGatherParams(Params):
         above=True,
         high=math.inf,
     )
-    resolution: str = param(
+    resolution: GatherResolution = param(
         "full",
         "'full': light is gathered for all pixels; 'adaptive': for those alone between "
         "which it is not smooth, the others are interpolated",
@@ -143,7 +144,13 @@ def _grid_params(params: RsmGatherParams) -> MultiresGridParams:
     return MultiresGridParams(plane_tolerance=params.plane_tolerance, normal_tolerance=params.normal_tolerance)
 
 
-METHODS = {"unbiased": Method(RsmGather, RsmGatherParams), "published": Method(RsmPublished, RsmPublishedParams)}
+METHODS: dict[str, Method] = dict(
+    zip(
+        get_args(GatherMethod),
+        (Method(RsmGather, RsmGatherParams), Method(RsmPublished, RsmPublishedParams)),
+        strict=True,
+    )
+)
 """The first is the default."""
 
 
@@ -153,10 +160,10 @@ def rsm_gather(
     rsms: ReflectiveShadowMap | DeviceRsm | Sequence[ReflectiveShadowMap | DeviceRsm],
     samples: int = 400,
     *,
-    method: str = "unbiased",
+    method: GatherMethod = "unbiased",
     radius: float | None = None,
     pattern: str | None = None,
-    resolution: str | None = None,
+    resolution: GatherResolution | None = None,
     runtime: Runtime | None = None,
     **params: Unpack[RsmGatherKeywords],
 ) -> NDArray[np.float32]:

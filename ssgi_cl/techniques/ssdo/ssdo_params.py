@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields, replace
-from typing import TypeVar
+from typing import TypeVar, get_args
 
+from ssgi_cl.core.names import SsdoMethod
 from ssgi_cl.core.params import Params, param, parameter_fields
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.techniques.ao.bitmask_ao import MOST_TAPS
@@ -18,7 +19,7 @@ from ssgi_cl.techniques.ssdo.ssdo_views import ViewsParams
 
 P = TypeVar("P", bound=Params)
 
-METHODS = ("bitmask", "points", "published")
+METHODS = get_args(SsdoMethod)
 METHODS_OF = {"strength": ("published",), "nearest_distance": ("published",), "thickness": ("bitmask", "points")}
 """Methods of the parameters that don't apply to every method."""
 
@@ -36,7 +37,7 @@ class SsdoParams(OcclusionParams):
     radius: float = param(
         0.5, "distance up to which surfaces occlude and send light", low=0.0, high=1e30, above=True, unit="scene units"
     )
-    method: str = param(
+    method: SsdoMethod = param(
         "bitmask",
         "how surfaces are found: slices along the view direction, in which they cover "
         "sectors; directions of the hemisphere, which meet them; or one tap for each direction, as "
@@ -131,7 +132,7 @@ class SsdoParams(OcclusionParams):
 class SsdoKeywords(OcclusionKeywords, total=False):
     """The other parameters of `ssdo`."""
 
-    method: str
+    method: SsdoMethod
     bounce: bool
     emission: bool
     slices: int

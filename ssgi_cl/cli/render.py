@@ -6,6 +6,7 @@ import math
 import os
 from collections.abc import Callable
 from difflib import get_close_matches
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -197,8 +198,8 @@ def render_command(scene: str, output: Path, as_json: bool, **options: Any) -> N
     with progress(as_json) as step:
         loaded, camera, lights, arguments = frame_arguments(scene, options, step)
         runtime = arguments["runtime"]
-        step("compiling kernels")
-        render(loaded, camera, lights, skips=skips, **arguments)
+        # Kernels are compiled for the first of two pictures; the second one's times are told.
+        render(loaded, camera, lights, skips=skips, progress=partial(step, "compiling kernels"), **arguments)
         step("rendering")
         frame = render(loaded, camera, lights, gbuffer=True, skips=skips, **arguments)
         step("writing files")

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ssgi_cl.core.camera import Camera
+    from ssgi_cl.core.gbuffer import GBuffer
     from ssgi_cl.core.lights import Environment
 
 
@@ -47,6 +48,9 @@ class Files(Protocol):
 
     def write_picture(self, path: str | os.PathLike[str], image: Any) -> None:
         """Write an image [rows, columns] or [rows, columns, 3] of uint8 or uint16 as PNG, whole or not at all."""
+
+    def gbuffer_png(self, gbuffer: GBuffer) -> bytes:
+        """Return a picture of the arrays of a G-buffer, side by side, as PNG."""
 
     def read_environment(self, path: str | os.PathLike[str]) -> Environment:
         """Return the environment of a latitude-longitude image."""

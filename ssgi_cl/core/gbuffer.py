@@ -132,6 +132,10 @@ class GBuffer:
         ]
         return "\n  ".join(lines)
 
+    def _repr_png_(self) -> bytes:
+        """Return depth, normals and albedo side by side, for notebooks."""
+        return files().gbuffer_png(self)
+
     def _fill_nan(self) -> None:
         """Replace the arrays that hold NaN."""
         for name in ("depth", *_LIMITS):

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
 import math
+import re
+import textwrap
 from collections.abc import Callable, Hashable
 from functools import cache
 from typing import Any, Generic, Literal, Self, TypeVar, get_origin, get_type_hints
@@ -145,6 +148,38 @@ def describe(params: type[Params]) -> list[tuple[str, str, str]]:
             (field.name, str(field.default), f"{rule['doc']} ({note})" if note else str(rule["doc"] if rule else ""))
         )
     return lines
+
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def with_fields_described(*kinds: type[Params]) -> Callable[[F], F]:
+    """Make `help` of a function list what its `**params` may be: the fields of dataclasses that it does not name.
+
+    The entry `**params` of its docstring ends the section Args; the list comes after it, with meaning, range, unit and
+    default of each.
+    """
+
+    def described(function: F) -> F:
+        entry = re.search(r"^( *)\*\*params:.*?(?=\n\n)", function.__doc__ or "", re.DOTALL | re.MULTILINE)
+        if entry is None:  # docstrings were stripped
+            return function
+        named = inspect.signature(function).parameters
+        lines = []
+        for kind in kinds:
+            indent = entry[1] + " " * 4
+            if len(kinds) > 1:
+                lines.append(f"{indent}`{kind.__name__}`:")
+                indent += " " * 4
+            for name, default, meaning in describe(kind):
+                if name not in named:
+                    text = f"{name}: {meaning}; by default {default}"
+                    lines += textwrap.wrap(text, 100, initial_indent=indent, subsequent_indent=indent + " " * 4)
+        listed = "\n".join([entry[0], *lines])
+        function.__doc__ = (function.__doc__ or "").replace(entry[0], listed, 1)
+        return function
+
+    return described
 
 
 def _limits(low: float, high: float) -> str:

@@ -14,12 +14,12 @@ from contextlib import contextmanager
 from difflib import get_close_matches
 from functools import wraps
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import click
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from ssgi_cl.core import checks
@@ -92,15 +92,28 @@ def printable(text: str) -> str:
     return text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
+class Step(Protocol):
+    """Names the step under way, and tells the share of it that is done where that is known."""
+
+    def __call__(self, text: str, share: float | None = None) -> None: ...
+
+
 @contextmanager
-def progress(silent: bool) -> Iterator[Callable[[str], None]]:
+def progress(silent: bool) -> Iterator[Step]:
     """Give a function that names the step under way; shown on a terminal, on standard error."""
     console = Console(stderr=True)
-    columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
+    columns = SpinnerColumn(), TextColumn("{task.description}"), BarColumn(20), TimeElapsedColumn()
     hidden = silent or not console.is_terminal
     with Progress(*columns, console=console, transient=True, disable=hidden) as progress:
         task = progress.add_task("", total=None)
-        yield lambda text: progress.update(task, description=escape(printable(text)))
+
+        def step(text: str, share: float | None = None) -> None:
+            total = None if share is None else 1.0
+            progress.update(task, description=escape(printable(text)), completed=share or 0.0, total=total)
+            # Rich takes None for no change.
+            progress.tasks[0].total = total
+
+        yield step
 
 
 def checked_output(path: Path, suffixes: tuple[str, ...]) -> None:

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import io
+
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from ssgi_cl.core.gbuffer import Floats, GBuffer
 
 Picture = NDArray[np.uint8]
+
+MOST_ACROSS = 1800
+GAP = 4
+"""Pixels of the picture of a whole G-buffer: how wide it is, and between two of its parts."""
 
 VIEWS = ("depth", "normal", "albedo")
 """The arrays of which `gbuffer_views` makes pictures."""
@@ -65,6 +72,18 @@ def gbuffer_views(gbuffer: GBuffer) -> dict[str, Picture]:
         # sRGB's curve is close to a power of 2.2, enough for a debug view.
         views["albedo"] = share_view(gbuffer.inner(albedo) ** np.float32(1.0 / 2.2))
     return views
+
+
+def gbuffer_png(gbuffer: GBuffer) -> bytes:
+    """Return the pictures of `gbuffer_views` side by side, at most some `MOST_ACROSS` pixels wide, as PNG."""
+    views = list(gbuffer_views(gbuffer).values())
+    step = -(-len(views) * views[0].shape[1] // MOST_ACROSS)
+    colours = [np.broadcast_to(np.atleast_3d(view), (*view.shape[:2], 3))[::step, ::step] for view in views]
+    gap = np.full((len(colours[0]), GAP, 3), 255, np.uint8)
+    parts = [part for colour in colours for part in (gap, colour)][1:]
+    file = io.BytesIO()
+    Image.fromarray(np.concatenate(parts, axis=1)).save(file, format="PNG", compress_level=1)
+    return file.getvalue()
 
 
 def _bytes(values: Floats) -> Picture:

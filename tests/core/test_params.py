@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, get_args, get_type_hints
@@ -86,6 +87,9 @@ TYPED: dict[Callable[..., Any], tuple[type[Params], ...]] = {
     gi.rsm_gather: (gi.RsmGatherParams, gi.RsmPublishedParams),
     gi.multires_splat: (gi.MultiresSplatParams, gi.MultiresPublishedParams),
     gi.vpl_splat: (gi.VplSplatParams,),
+    gi.radiosity: (gi.RadiosityParams,),
+    gi.reflections: (gi.ReflectionsParams,),
+    gi.sampled_lights: (gi.SampledLightsParams,),
 }
 """Functions with `**params`, and the dataclasses of what these may be."""
 
@@ -106,6 +110,22 @@ def test_keywords_are_those_of_the_parameters(function: Callable[..., Any]) -> N
     expected = fields(*TYPED[function])
     assert keywords == {name: kind for name, kind in expected.items() if name not in named}
     assert set(expected) <= named | set(keywords)
+
+
+@pytest.mark.parametrize("function", TYPED, ids=lambda f: f.__name__)
+def test_help_of_a_function_tells_meaning_range_unit_and_default_of_each_parameter(
+    function: Callable[..., Any],
+) -> None:
+    text = " ".join((inspect.getdoc(function) or "").split())
+    arguments = text.split("Args:")[1].split("Returns:")[0]
+    named = inspect.signature(function).parameters
+    for kind in TYPED[function]:
+        for name, default, meaning in describe(kind):
+            if name in named:
+                assert re.search(rf"\b{name}(, \w+)*: ", arguments), name
+            else:
+                assert " ".join(f"{name}: {meaning}; by default {default}".split()) in arguments
+    assert max(map(len, (inspect.getdoc(function) or "").splitlines())) <= 110
 
 
 def test_keywords_of_choose_are_those_of_the_parameters() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from PIL import Image
 import ssgi_cl as gi
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.io import exr
+from ssgi_cl.io.previews import GAP, MOST_ACROSS, gbuffer_views
 from ssgi_cl.rasterize.scenes import cornell_box
 
 MOST_LINES = 12
@@ -39,6 +41,23 @@ def test_a_notebook_shows_the_picture(frame: gi.Frame) -> None:
     data = frame._repr_png_()
     assert data is not None
     assert data.startswith(b"\x89PNG")
+
+
+def test_a_notebook_shows_a_gbuffer(frame: gi.Frame) -> None:
+    gbuffer = frame.gbuffer
+    assert gbuffer is not None
+    shown = np.asarray(Image.open(io.BytesIO(gbuffer._repr_png_())))
+    views = gbuffer_views(gbuffer)
+    assert shown.shape == (30, 3 * 40 + 2 * GAP, 3)
+    np.testing.assert_array_equal(shown[:, :40], np.repeat(views["depth"][..., None], 3, axis=-1))
+    np.testing.assert_array_equal(shown[:, 40 + GAP : 80 + GAP], views["normal"])
+    np.testing.assert_array_equal(shown[:, 80 + 2 * GAP :], views["albedo"])
+    # A large one is made smaller, and depth alone is a picture too.
+    camera = gi.Camera.look_at((0, 0, 1), (0, 0, 0), width=2 * MOST_ACROSS + 10, height=20)
+    far = np.full((20, camera.width), np.inf, np.float32)
+    small = np.asarray(Image.open(io.BytesIO(gi.GBuffer(camera=camera, depth=far)._repr_png_())))
+    assert small.shape == (7, (camera.width + 2) // 3, 3)
+    assert not small.any()
 
 
 def test_texts_are_short_and_say_what_there_is(frame: gi.Frame) -> None:

@@ -59,6 +59,15 @@ def test_second_call_makes_nothing_and_gives_the_same(tmp_path: Path) -> None:
     assert told[5:] == [1.0]
 
 
+def test_a_bar_may_be_asked_for_and_prints_nothing_where_nobody_looks(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert same(kept(tmp_path / "bar", progress=True), kept(tmp_path / "none"))
+    assert capfd.readouterr() == ("", "")
+    with pytest.raises(TypeError, match="progress is 'yes': expected True for a bar"):
+        kept(tmp_path, progress="yes")
+
+
 @pytest.mark.parametrize(
     "change", [{"radius": 1.0}, {"camera": camera_description(view((9, 7)))}, {"more": 0}], ids=str
 )

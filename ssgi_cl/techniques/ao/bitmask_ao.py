@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.names import Preset
-from ssgi_cl.core.params import param
+from ssgi_cl.core.params import param, with_fields_described
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.techniques.ao.occlusion import made_for
@@ -124,6 +124,7 @@ class BitmaskAo(SliceTechnique[BitmaskParams]):
         return {"thickness": self.params.thickness, "slack": self.params.slack}
 
 
+@with_fields_described(BitmaskParams)
 @serialised
 def bitmask_ao(
     gbuffer: GBuffer | DeviceGBuffer,
@@ -151,7 +152,9 @@ def bitmask_ao(
         slices: planes through the view ray, 1 to 32.
         taps: depths read on either side of a slice, 1 to 64; of several layers see `BitmaskParams`.
         preset, error, budget_ms: at most one of them: where the fields that are not given come
-            from; see `ssgi_cl.choose`. By default the defaults of `BitmaskParams`.
+            from. "low", "medium", "high" or "ultra"; the greatest RMSE against cast rays, > 0; the
+            longest device time of a picture in ms, > 0. See `ssgi_cl.choose`. By default the
+            defaults of `BitmaskParams`.
         runtime: the device; by default the fastest found.
         **params: the other fields of `BitmaskParams`.
 

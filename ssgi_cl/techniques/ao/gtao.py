@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.names import Preset
-from ssgi_cl.core.params import param
+from ssgi_cl.core.params import param, with_fields_described
 from ssgi_cl.device.arrays import Plane
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
@@ -139,6 +139,7 @@ def gtao(
     runtime: Runtime | None = ...,
     **params: Unpack[GtaoKeywords],
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...
+@with_fields_described(GtaoParams)
 @serialised
 def gtao(
     gbuffer: GBuffer | DeviceGBuffer,
@@ -170,7 +171,9 @@ def gtao(
         bent_normals: whether bent normals are returned too: the mean unoccluded direction of each
             pixel, weighted by its cosine to the normal.
         preset, error, budget_ms: at most one of them: where the fields that are not given come
-            from; see `ssgi_cl.choose`. By default the defaults of `GtaoParams`.
+            from. "low", "medium", "high" or "ultra"; the greatest RMSE against cast rays, > 0; the
+            longest device time of a picture in ms, > 0. See `ssgi_cl.choose`. By default the
+            defaults of `GtaoParams`.
         runtime: the device; by default the fastest found.
         **params: the other fields of `GtaoParams`.
 

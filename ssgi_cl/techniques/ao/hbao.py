@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.names import Preset
-from ssgi_cl.core.params import param
+from ssgi_cl.core.params import param, with_fields_described
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.techniques.ao.occlusion import made_for
@@ -75,6 +75,7 @@ class Hbao(SliceTechnique[HbaoParams]):
         }
 
 
+@with_fields_described(HbaoParams)
 @serialised
 def hbao(
     gbuffer: GBuffer | DeviceGBuffer,
@@ -102,7 +103,9 @@ def hbao(
         slices: pairs of opposite directions, 1 to 32.
         taps: depths read in each direction, 1 to 64.
         preset, error, budget_ms: at most one of them: where the fields that are not given come
-            from; see `ssgi_cl.choose`. By default the defaults of `HbaoParams`.
+            from. "low", "medium", "high" or "ultra"; the greatest RMSE against cast rays, > 0; the
+            longest device time of a picture in ms, > 0. See `ssgi_cl.choose`. By default the
+            defaults of `HbaoParams`.
         runtime: the device; by default the fastest found.
         **params: the other fields of `HbaoParams`.
 

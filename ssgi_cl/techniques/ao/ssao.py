@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.names import Preset
-from ssgi_cl.core.params import param
+from ssgi_cl.core.params import param, with_fields_described
 from ssgi_cl.core.sampling import DEPTH_BIAS, TILE_ORDER
 from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import Plane
@@ -267,6 +267,7 @@ class Ssao(OcclusionTechnique):
         )
 
 
+@with_fields_described(SsaoParams)
 @serialised
 def ssao(
     gbuffer: GBuffer | DeviceGBuffer,
@@ -293,7 +294,9 @@ def ssao(
             counts in each pixel.
         samples: points per pixel, 1 to 256; by default 16, or the preset's.
         preset, error, budget_ms: at most one of them: where the fields that are not given come
-            from; see `ssgi_cl.choose`. By default the defaults of `SsaoParams`.
+            from. "low", "medium", "high" or "ultra"; the greatest RMSE against cast rays, > 0; the
+            longest device time of a picture in ms, > 0. See `ssgi_cl.choose`. By default the
+            defaults of `SsaoParams`.
         runtime: the device; by default the fastest found.
         **params: the other fields of `SsaoParams`.
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer
-from ssgi_cl.core.params import Params, Prepared, param
+from ssgi_cl.core.params import Params, Prepared, param, with_fields_described
 from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
@@ -190,6 +190,7 @@ def plane_image(planes: NDArray[np.float32]) -> NDArray[np.float32]:
     return planes[0] if len(planes) == 1 else np.ascontiguousarray(np.moveaxis(planes, 0, -1))
 
 
+@with_fields_described(BilateralParams)
 @serialised
 def bilateral_blur(
     image: ArrayLike,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.names import MultiresMethod
-from ssgi_cl.core.params import Prepared, param
+from ssgi_cl.core.params import Prepared, param, with_fields_described
 from ssgi_cl.core.scene import Scene, box_corners
 from ssgi_cl.core.vpls import Vpls
 from ssgi_cl.device.arrays import Plane, Size
@@ -258,6 +258,7 @@ METHODS: dict[str, Method] = dict(
 """The first is the default."""
 
 
+@with_fields_described(MultiresSplatParams, MultiresPublishedParams)
 @serialised
 def multires_splat(
     gbuffer: GBuffer | DeviceGBuffer,

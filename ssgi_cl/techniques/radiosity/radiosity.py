@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.gbuffer import ReflectiveShadowMap
 from ssgi_cl.core.lights import Environment, Light, environments_of, shines
 from ssgi_cl.core.names import Bounces
-from ssgi_cl.core.params import Params, Prepared, param
+from ssgi_cl.core.params import Params, Prepared, param, with_fields_described
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.vpls import PARTS, Vpls
 from ssgi_cl.device.rsm import DeviceRsm
@@ -263,6 +263,7 @@ def sent(surfels: Surfels, irradiance: Doubles, *, emission: bool) -> Vpls:
     )
 
 
+@with_fields_described(RadiosityParams)
 @serialised
 def radiosity(
     scene: Scene,

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.names import GatherMethod, GatherResolution
-from ssgi_cl.core.params import Params, param
+from ssgi_cl.core.params import Params, param, with_fields_described
 from ssgi_cl.device.arrays import Plane
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.rsm import DeviceRsm
@@ -154,6 +154,7 @@ METHODS: dict[str, Method] = dict(
 """The first is the default."""
 
 
+@with_fields_described(RsmGatherParams, RsmPublishedParams)
 @serialised
 def rsm_gather(
     gbuffer: GBuffer | DeviceGBuffer,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.environment_samples import sample_environments
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.lights import Environment, Light, are_same, environments_of
-from ssgi_cl.core.params import Params, Prepared, param
+from ssgi_cl.core.params import Params, Prepared, param, with_fields_described
 from ssgi_cl.core.sample_views import PATTERN, interleaved, sample_views
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size
@@ -237,6 +237,7 @@ class SampledLights(Prepared[SampledLightsParams]):
         return np.ascontiguousarray(np.tile(table, 4), np.float32)
 
 
+@with_fields_described(SampledLightsParams)
 @serialised
 def sampled_lights(
     gbuffer: GBuffer | DeviceGBuffer,

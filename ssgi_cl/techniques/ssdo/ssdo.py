@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.lights import Light, environments_of
-from ssgi_cl.core.params import Prepared
+from ssgi_cl.core.params import Prepared, with_fields_described
 from ssgi_cl.device.arrays import Plane, Size, plane_bytes
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
@@ -242,6 +242,7 @@ class Ssdo(Prepared[SsdoParams]):
         return direct, bounce if bounces else None
 
 
+@with_fields_described(SsdoParams)
 @serialised
 def ssdo(
     gbuffer: GBuffer | DeviceGBuffer,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
-from ssgi_cl.core.params import Prepared, param
+from ssgi_cl.core.params import Prepared, param, with_fields_described
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.vpls import MOST_VPLS, Vpls
 from ssgi_cl.device.arrays import Plane, Size
@@ -337,6 +337,7 @@ class VplSplat(Prepared[VplSplatParams]):
         )
 
 
+@with_fields_described(VplSplatParams)
 @serialised
 def vpl_splat(
     gbuffer: GBuffer | DeviceGBuffer,

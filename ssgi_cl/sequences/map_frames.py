@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from ssgi_cl.core.keywords import checked_keywords
 from ssgi_cl.io import exr, png
 from ssgi_cl.sequences.cluster import on_cluster
 from ssgi_cl.sequences.frame_names import FrameNames
@@ -30,6 +31,7 @@ _THERE = object()
 Progress = Callable[[int, int, float], object]
 
 
+@checked_keywords
 def map_frames(
     function: Callable[..., Any],
     inputs: Iterable[Any],

@@ -78,7 +78,7 @@ def off_plane(
     step = normal[..., 0] * (sx - own_sx) + normal[..., 1] * (sy - own_sy)
     own = view.flatness(depth)
     plane = own + step / n_dot_v if view.camera.is_orthographic else own - own * step / n_dot_v
-    return np.abs(view.flatness(other) - plane) / view.camera.tolerance_depth(np.abs(own))
+    return np.asarray(np.abs(view.flatness(other) - plane) / view.camera.tolerance_depth(np.abs(own)))
 
 
 def fit_of(off: Doubles, cosine: Doubles, params: BilateralParams | Blur) -> Doubles:

@@ -66,7 +66,9 @@ class Tonemap(Prepared[TonemapParams]):
         )
         self._pitch = (size[1] + 15) // 16 * 16
 
-    def run(self, radiance: Plane, *, exposure: float | None = None, region: Region | None = None) -> NDArray[Any]:
+    def run(
+        self, radiance: Plane, *, exposure: float | None = None, region: Region | None = None
+    ) -> NDArray[np.uint8 | np.uint16]:
         """Run the pass; return the picture, [rows, columns, 3] uint8 or uint16.
 
         `exposure` is that of the parameters by default, or the automatic one of the radiance.

@@ -72,7 +72,6 @@ def main() -> None:
     if not any(isinstance(handler, _OnStandardError) for handler in logger.handlers):
         logger.addHandler(_OnStandardError(logging.INFO))
         logger.setLevel(logging.INFO)
-        logger.propagate = False
 
 
 class _OnStandardError(logging.Handler):

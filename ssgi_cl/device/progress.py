@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Protocol
 
 from ssgi_cl.core.errors import shown
 
@@ -12,6 +13,14 @@ Told = Callable[[float], object]
 """A function that is called with the share done, in [0, 1]; it grows, and ends at 1."""
 Progress = Told | bool | None
 """Such a function, True for a bar, or False or None for nothing."""
+ToldSteps = Callable[[str, float], object]
+"""A function that is called with what is under way and the share of it that is done."""
+
+
+class _Show(Protocol):
+    """Shows a share, and what is under way where that changes."""
+
+    def __call__(self, share: float, text: str = ...) -> object: ...
 
 
 @contextmanager
@@ -37,6 +46,17 @@ def told(progress: Progress, what: str) -> Iterator[Told | None]:
         raise TypeError(
             f"progress is {shown(progress)}: expected True for a bar, a function of the share done, or None"
         )
+
+
+@contextmanager
+def told_steps(progress: ToldSteps | bool | None, what: str) -> Iterator[ToldSteps | None]:
+    """As `told`, of work in steps that have names."""
+    if progress is True:
+        with _bar(what) as show:
+            yield lambda text, share: show(share, text)
+        return
+    with told(progress, what) as tell:  # type: ignore[arg-type]  # it is checked there, and not called
+        yield tell  # type: ignore[misc]
 
 
 def part_of(tell: Told | None, low: float, high: float) -> Told | None:
@@ -72,7 +92,7 @@ class Preparing:
 
 
 @contextmanager
-def _bar(what: str) -> Iterator[Told]:
+def _bar(what: str) -> Iterator[_Show]:
     from rich.console import Console  # imports take time that who shows nothing need not spend
     from rich.markup import escape
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
@@ -89,7 +109,7 @@ def _bar(what: str) -> Iterator[Told]:
     columns = TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn()
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task(escape(what), total=1.0)
-        yield lambda share: bar.update(task, completed=share)
+        yield lambda share, text=what: bar.update(task, completed=share, description=escape(text))
 
 
 class _Line:
@@ -97,10 +117,10 @@ class _Line:
 
     def __init__(self, what: str) -> None:
         self._what = what
-        self._shown = -1
+        self._shown = ""
 
-    def __call__(self, share: float) -> None:
-        percent = int(100.0 * share)
-        if percent != self._shown:
-            self._shown = percent
-            print(f"\r{self._what} {percent:3} %", end="", flush=True, file=sys.stdout)
+    def __call__(self, share: float, text: str = "") -> None:
+        line = f"{text or self._what} {int(100.0 * share):3} %"
+        if line != self._shown:
+            print(f"\r{line:{len(self._shown)}}", end="", flush=True, file=sys.stdout)
+            self._shown = line

@@ -13,6 +13,7 @@ from ssgi_cl.core import checks
 from ssgi_cl.core.keywords import checked_keywords
 from ssgi_cl.core.names import AoTechnique
 from ssgi_cl.device.arrays import Size
+from ssgi_cl.device.progress import told_steps
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.raster.view import MOST_LAYERS
 from ssgi_cl.rasterize.scenes import BuiltinScene
@@ -53,7 +54,7 @@ def tune(
     rounds: int = 4,
     seed: int = 0,
     runtime: Runtime | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
 ) -> Tuning:
     """Search a technique's parameters, held to ray-cast truth on several scenes and views.
 
@@ -77,7 +78,8 @@ def tune(
         rounds: 1 to 10; the first is spread over all, each further one halves what it looks at.
         seed: chooses the points of the first round.
         runtime: the device; by default the fastest found.
-        progress: called with what is under way and the share of it that is done.
+        progress: called with what is under way and the share of it that is done. True: a bar in terminals and
+            notebooks.
 
     Raises:
         TypeError, ValueError: an argument is wrong; the message says which and what is allowed.
@@ -94,19 +96,20 @@ def tune(
     checks.integer("rounds", rounds, low=1, high=10)
     checks.integer("seed", seed, low=0, high=2**31)
     embree_version()  # errors are measured against cast rays: without them there is no use in the rest
-    session = Session(
-        entry,
-        views_of(scenes),
-        size=size,
-        parameters=parameters,
-        fixed=fixed,
-        metric=metric,
-        layers=layers,
-        overscan=overscan,
-        runtime=runtime,
-        progress=progress,
-    )
-    return session.tune(budget_ms, max_error, rounds=rounds, seed=seed)
+    with told_steps(progress, "tuning") as tell:
+        session = Session(
+            entry,
+            views_of(scenes),
+            size=size,
+            parameters=parameters,
+            fixed=fixed,
+            metric=metric,
+            layers=layers,
+            overscan=overscan,
+            runtime=runtime,
+            progress=tell,
+        )
+        return session.tune(budget_ms, max_error, rounds=rounds, seed=seed)
 
 
 class Session:

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from ssgi_cl.device.progress import Preparing, part_of, told
+from ssgi_cl.device.progress import Preparing, part_of, told, told_steps
 
 
 def worked(progress: Any) -> None:
@@ -64,10 +64,29 @@ def test_a_notebook_gets_a_line_of_whole_percents(
     monkeypatch.setattr(Console, "__init__", in_notebook)
     worked(True)
     assert capsys.readouterr() == ("\rwork [x]   0 %\rwork [x]  25 %\rwork [x] 100 %\n", "")
+    with told_steps(True, "work") as tell:
+        assert tell is not None
+        tell("a long step", 0.5)
+        tell("step", 0.5)  # and nothing is left of the longer line
+    assert capsys.readouterr().out == "\ra long step  50 %\rstep  50 %       \n"
     with pytest.raises(RuntimeError), told(True, "work"):
         raise RuntimeError  # the line ends all the same
     assert capsys.readouterr().out == "\n"
     assert sys.stdout is not None
+
+
+def test_steps_are_told_as_they_are(capfd: pytest.CaptureFixture[str]) -> None:
+    heard: list[tuple[str, float]] = []
+    given: list[Any] = [lambda text, share: heard.append((text, share)), True, False, None]
+    for progress in given:
+        with told_steps(progress, "work") as tell:
+            assert (tell is None) == (progress in (False, None))
+            if tell is not None:
+                tell("step", 0.5)
+    assert heard == [("step", 0.5)]
+    assert capfd.readouterr() == ("", "")
+    with pytest.raises(TypeError, match="progress is 'x'"), told_steps("x", "work"):  # type: ignore[arg-type]
+        pass
 
 
 def test_parts_are_told_as_shares_of_the_whole() -> None:

@@ -115,8 +115,12 @@ def render(
     if not isinstance(camera, Camera):
         raise TypeError(f"camera is {camera!r}: expected an ssgi_cl.Camera")
     lights = light_tuple(lights)
-    params = FrameParams(**given)
-    runtime = runtime or Runtime.open()
+    return _drawn(scene, camera, lights, FrameParams(**given), runtime or Runtime.open(), progress)
+
+
+def _drawn(
+    scene: Scene, camera: Camera, lights: Sequence[Light], params: FrameParams, runtime: Runtime, progress: Progress
+) -> Frame:
     with told(progress, "rendering") as tell:
         made = Preparing(tell)
         with runtime.programs.watched(made):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import math
 import os
 from collections.abc import Generator
 
@@ -13,7 +14,7 @@ import numpy as np
 import pytest
 
 from ssgi_cl.core.errors import DeviceError
-from ssgi_cl.device import image_limits
+from ssgi_cl.device import image_limits, programs
 from ssgi_cl.device.drivers import KERNEL_VARIANTS, KernelVariant
 from ssgi_cl.device.runtime import Runtime
 
@@ -27,6 +28,14 @@ def pytest_collection() -> Generator[None, object, object]:
     finally:
         gc.freeze()
         gc.enable()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def nothing_is_new() -> Generator[None, None, None]:
+    """Have it never said that compiling takes a while, whatever was compiled before on this machine."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(programs, "MANY", math.inf)
+        yield
 
 
 @pytest.fixture(scope="session")

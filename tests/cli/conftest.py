@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from ssgi_cl.device import programs
 from ssgi_cl.io import exr
 
 # Two walls that meet: something for ambient occlusion to darken.
@@ -27,12 +25,6 @@ f 1 2 5 6
 @pytest.fixture(autouse=True)
 def wide_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "100")
-
-
-@pytest.fixture(autouse=True)
-def nothing_is_new(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whatever was compiled before on this machine, it is not said that compiling takes a while."""
-    monkeypatch.setattr(programs, "MANY", math.inf)
 
 
 @pytest.fixture

@@ -290,7 +290,8 @@ def test_a_full_disk_is_told_with_the_name_of_the_file(tmp_path: Path, monkeypat
 def test_the_command_runs_as_a_process_with_json_alone_on_standard_output(tmp_path: Path) -> None:
     done = process("render", "cornell_box", *map(str, DIRECT), "--json", "-o", "a.png", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert done.stderr == ""
+    # On a machine that has compiled none of the kernels the line that says so is there.
+    assert [line for line in done.stderr.splitlines() if not line.startswith("compiling kernels")] == []
     assert json.loads(done.stdout)["files"] == ["a.png"]
     assert (tmp_path / "a.png").is_file()
 

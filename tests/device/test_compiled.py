@@ -58,6 +58,7 @@ def test_many_first_compilations_are_announced_once(
 ) -> None:
     monkeypatch.setenv("SSGI_CL_CACHE", str(tmp_path))
     caplog.set_level("INFO", logger="ssgi_cl")
+    monkeypatch.setattr(programs, "MANY", 6)
 
     def built(numbers: Iterable[int]) -> list[str]:
         caplog.clear()

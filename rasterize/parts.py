@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.errors import SceneError
 from ssgi_cl.core.lights import Light
-from ssgi_cl.core.scene import Material, Scene
+from ssgi_cl.core.scene import Material, Scene, Wrap
 from ssgi_cl.core.scene_camera import SceneCamera
 
 from .normals import DEFAULT_CREASE_ANGLE, crease_normals
@@ -114,6 +114,7 @@ def assemble(
     parts: Sequence[Part],
     materials: Sequence[Material],
     textures: Sequence[NDArray[np.uint8]] = (),
+    wraps: Sequence[Wrap] = (),
     *,
     crease_angle: float = DEFAULT_CREASE_ANGLE,
 ) -> Scene:
@@ -143,6 +144,7 @@ def assemble(
         material_ids=np.concatenate([part.material_ids for part in done]),
         materials=tuple(materials) or (Material(),),
         textures=tuple(textures),
+        wraps=tuple(wraps),
     )
 
 

@@ -12,11 +12,14 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.checks import MOST_LIGHT
 from ssgi_cl.core.errors import SceneError, shown
-from ssgi_cl.core.scene import Material
+from ssgi_cl.core.scene import Material, Wrap
 from ssgi_cl.rasterize.files.gltf_document import item
 from ssgi_cl.rasterize.files.gltf_schema import KTX2, Json
 from ssgi_cl.rasterize.files.metal_rough import Lobe, metal_rough_lobe, rough_lobe
 from ssgi_cl.rasterize.files.textures import TextureSet, lets_through, mean_color, read_uri
+
+_WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
+"""Constants of OpenGL that samplers have (glTF 2.0, 5.26)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -82,7 +85,7 @@ class GltfMaterials:
         cutoff = {"MASK": float(source.get("alphaCutoff", 0.5)), "BLEND": 0.5}.get(mode, 0.0)
         texture, uv_set, uv_matrix, image, base = -1, 0, None, None, color[:3]
         if laid is not None and (image := self._image(laid["index"])) is not None:
-            texture, base = self._textures.add(image), base * mean_color(image)
+            texture, base = self._textures.add(image, self._wrap(laid["index"])), base * mean_color(image)
             uv_set, uv_matrix = _layout(laid)
         lobe = self._lobe(source, base)
         through = self._through(source)
@@ -105,6 +108,18 @@ class GltfMaterials:
             uv_set=uv_set,
             uv_matrix=uv_matrix,
         )
+
+    def _wrap(self, texture: int) -> Wrap:
+        """Return what the sampler of a texture says of coordinates beyond [0, 1]; it repeats where nothing is said."""
+        number = self._document["textures"][texture].get("sampler")
+        if number is None:
+            return _WRAPS[10497], _WRAPS[10497]
+        sampler: Json = item(self._document.get("samplers", []), number, f"the sampler of texture {texture}")
+        kinds = [sampler.get(name, 10497) for name in ("wrapS", "wrapT")]
+        for kind in kinds:
+            if kind not in _WRAPS:
+                raise SceneError(f"sampler {number} wraps by {kind!r}: expected one of {', '.join(map(str, _WRAPS))}")
+        return _WRAPS[kinds[0]], _WRAPS[kinds[1]]
 
     def _lobe(self, source: Json, base: NDArray[np.float64]) -> Lobe:
         """Return what a material mirrors; textures of metal and roughness count with their mean.

@@ -91,7 +91,7 @@ def _joined(contents: Contents, textures: TextureSet, crease_angle: float, cull:
     materials = contents.materials
     if cull is not None:
         materials = [replace(material, double_sided=not cull) for material in materials]
-    scene = assemble(contents.parts, materials, textures.textures, crease_angle=crease_angle)
+    scene = assemble(contents.parts, materials, textures.textures, textures.wraps, crease_angle=crease_angle)
     notes = (*contents.notes, *textures.notes)
     if not (contents.lights or contents.cameras or notes):
         return scene

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
 from ssgi_cl.core.errors import SceneError, shown
+from ssgi_cl.core.scene import Wrap
 from ssgi_cl.core.srgb import srgb_to_linear
 
 UTF8_MARK = b"\xef\xbb\xbf"
@@ -167,14 +168,16 @@ class TextureSet:
         drawn: whether there are any; if not, materials have their factors alone.
 
     Attributes:
+        wraps: of each texture, see `Scene`.
         notes: what was not found or not drawn, in words.
     """
 
     def __init__(self, *, drawn: bool = True) -> None:
         self.textures: list[NDArray[np.uint8]] = []
+        self.wraps: list[Wrap] = []
         self.drawn = drawn
         self.notes: list[str] = []
-        self._index: dict[tuple[tuple[int, ...], bytes], int] = {}
+        self._index: dict[tuple[tuple[int, ...], bytes, Wrap], int] = {}
         self._left = MOST_PIXELS_IN_ALL
 
     def note(self, text: str) -> None:
@@ -212,10 +215,11 @@ class TextureSet:
         self._left -= texture.shape[0] * texture.shape[1]
         return texture
 
-    def add(self, texture: NDArray[np.uint8]) -> int:
-        """Return the index of `texture` [rows, columns, 4] uint8; equal pixels share one."""
-        key = (texture.shape, hashlib.sha256(np.ascontiguousarray(texture).data).digest())
+    def add(self, texture: NDArray[np.uint8], wrap: Wrap = ("repeat", "repeat")) -> int:
+        """Return the index of `texture` [rows, columns, 4] uint8; equal pixels that wrap alike share one."""
+        key = (texture.shape, hashlib.sha256(np.ascontiguousarray(texture).data).digest(), wrap)
         if key not in self._index:
             self._index[key] = len(self.textures)
             self.textures.append(texture)
+            self.wraps.append(wrap)
         return self._index[key]

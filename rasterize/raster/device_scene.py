@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.scene import Scene
+from ssgi_cl.core.scene import WRAPS, Scene, Wrap
 from ssgi_cl.core.srgb import srgb_to_linear
 from ssgi_cl.device.constants import START_BATCH, START_FEW
 from ssgi_cl.device.runtime import Runtime
@@ -66,7 +66,7 @@ class DeviceScene:
         self.through = runtime.array(np.array([[*m.transmitted, m.blends] for m in scene.materials], np.float32))
         cutouts = cutouts_of(scene)
         self.cutouts = runtime.array(cutouts)
-        table, texels = _mip_mapped(scene.textures)
+        table, texels = _mip_mapped(scene.textures, scene.wraps)
         self.textures = runtime.array(table)
         self.texels = runtime.array(texels.view("<i4"))
         self.decode = runtime.array(SRGB_TO_LINEAR)
@@ -120,14 +120,17 @@ def planar(rows: NDArray[Any]) -> NDArray[Any]:
     return planar
 
 
-def _mip_mapped(textures: tuple[NDArray[np.uint8], ...]) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
+def _mip_mapped(
+    textures: tuple[NDArray[np.uint8], ...], wraps: tuple[Wrap, ...] | None = None
+) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
     """Return the table of textures and all texels; see kernels/raster/texture.clh."""
     table, texels, offset = [], [], 0
-    for texture in textures:
+    for texture, (across, down) in zip(textures, wraps or [("repeat", "repeat")] * len(textures), strict=True):
         levels = [texture]
         while max(levels[-1].shape[:2]) > 1:
             levels.append(_halved(levels[-1]))
-        table.append([offset, texture.shape[1], texture.shape[0], len(levels)])
+        kinds = WRAPS.index(across) << 8 | WRAPS.index(down) << 12
+        table.append([offset, texture.shape[1], texture.shape[0], len(levels) | kinds])
         texels += [level.reshape(-1, 4) for level in levels]
         offset += sum(level.shape[0] * level.shape[1] for level in levels)
     if not textures:

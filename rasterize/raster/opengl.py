@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core import checks
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.errors import SsgiError
-from ssgi_cl.core.scene import Scene
+from ssgi_cl.core.scene import Scene, Wrap
 from ssgi_cl.rasterize.raster.opengl_context import context
 from ssgi_cl.rasterize.raster.raster_view import PEEL, PEEL_ROUNDING, back_area
 
@@ -181,7 +181,7 @@ class _Drawing:
         self._buffer(gl.GL_ELEMENT_ARRAY_BUFFER, triangles)
         self._table = self._image(table, gl.GL_RGBA32F, gl.GL_FLOAT)
         used = {material.texture for material, *_ in self._runs} - {-1}
-        self._textures = {index: self._mipmapped(scene.textures[index]) for index in sorted(used)}
+        self._textures = {index: self._mipmapped(scene.textures[index], scene.wraps[index]) for index in sorted(used)}
 
         rows, columns = self._size
         self._targets = [self._image((rows, columns), gl.GL_RGBA32F, gl.GL_FLOAT) for _ in "abc"]
@@ -273,11 +273,14 @@ class _Drawing:
             gl.glTexParameteri(gl.GL_TEXTURE_2D, parameter, gl.GL_NEAREST)
         return texture
 
-    def _mipmapped(self, pixels: NDArray[np.uint8]) -> int:
-        """Make a repeated texture with trilinear filter in linear light."""
+    def _mipmapped(self, pixels: NDArray[np.uint8], wrap: Wrap) -> int:
+        """Make a texture with trilinear filter in linear light."""
         gl = self._gl
         content = np.ascontiguousarray(pixels)
         texture = self._image(content, gl.GL_SRGB8_ALPHA8, gl.GL_UNSIGNED_BYTE)
+        kinds = {"repeat": gl.GL_REPEAT, "clamp": gl.GL_CLAMP_TO_EDGE, "mirror": gl.GL_MIRRORED_REPEAT}
+        gl.glTexParameteri(gl.GL_TEXTURE_2D, gl.GL_TEXTURE_WRAP_S, kinds[wrap[0]])
+        gl.glTexParameteri(gl.GL_TEXTURE_2D, gl.GL_TEXTURE_WRAP_T, kinds[wrap[1]])
         gl.glGenerateMipmap(gl.GL_TEXTURE_2D)
         gl.glTexParameteri(gl.GL_TEXTURE_2D, gl.GL_TEXTURE_MIN_FILTER, gl.GL_LINEAR_MIPMAP_LINEAR)
         gl.glTexParameteri(gl.GL_TEXTURE_2D, gl.GL_TEXTURE_MAG_FILTER, gl.GL_LINEAR)

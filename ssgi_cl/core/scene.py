@@ -19,6 +19,12 @@ MOST_TEXELS = 2**29 - 1
 """Of all textures of a scene with their mip levels: their bytes are counted in 31 bits."""
 
 
+WRAPS = ("repeat", "clamp", "mirror")
+"""What a texture is beyond its edges: itself again, its edge, or itself turned round."""
+
+Wrap = tuple[str, str]
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Material:
     """The material of a surface.
@@ -118,11 +124,13 @@ class Scene(Immutable):
             the world's origin keeps its precision.
         positions: [vertices, 3] float32, scene units, relative to `origin`.
         normals: [vertices, 3] float32, world space, unit length, as the mesh gives them.
-        uvs: [vertices, 2] float32, texture coordinates, v = 0 at the bottom row, repeated.
+        uvs: [vertices, 2] float32, texture coordinates, v = 0 at the bottom row.
         colors: [vertices, 3] float32, linear vertex colour that multiplies the albedo.
         triangles: [triangles, 3] int32 indices of vertices, counter-clockwise seen from outside.
         material_ids: [triangles] int32 indices into `materials`.
         materials: at least one.
+        wraps: (across, down) of each texture, what it is beyond its edges: "repeat", "clamp" or "mirror"; by
+            default all repeat.
         textures: [rows, columns, 4] uint8 each, RGB in sRGB encoding and linear alpha; row 0 on
             top. With their mip levels at most 2^29 - 1 texels in all.
         lights: those that the file describes; functions take lights as an argument of their own.
@@ -139,6 +147,7 @@ class Scene(Immutable):
     material_ids: NDArray[np.int32]
     materials: tuple[Material, ...] = (Material(),)
     textures: tuple[NDArray[np.uint8], ...] = ()
+    wraps: tuple[Wrap, ...] = ()
     lights: tuple[Light, ...] = ()
     cameras: Mapping[str, SceneCamera] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
@@ -191,6 +200,7 @@ class Scene(Immutable):
         set_(self, "material_ids", frozen(ids.astype(np.int32), ids))
         set_(self, "materials", tuple(self.materials))
         set_(self, "textures", _textures(self.textures))
+        set_(self, "wraps", _wraps(self.wraps, len(self.textures)))
         set_(self, "lights", tuple(self.lights))
         set_(self, "cameras", dict(self.cameras))
         set_(self, "notes", tuple(self.notes))
@@ -242,6 +252,26 @@ def _textures(given: Sequence[NDArray[np.uint8]]) -> tuple[NDArray[np.uint8], ..
     if texels > MOST_TEXELS:
         raise ValueError(f"textures have {texels} texels with their mip levels: expected at most {MOST_TEXELS}")
     return tuple(map(frozen, arrays, given))
+
+
+def _wraps(given: Sequence[Wrap], count: int) -> tuple[Wrap, ...]:
+    wraps = tuple(given) or ((WRAPS[0], WRAPS[0]),) * count
+    if len(wraps) != count:
+        raise ValueError(f"wraps has {len(wraps)} entries: expected {count}, one for each texture")
+    for index, (across, down) in enumerate(wraps):
+        for kind in (across, down):
+            checks.choice(f"wraps[{index}]", kind, WRAPS)
+    return wraps
+
+
+def wrapped(coordinate: NDArray[np.float64], kind: str) -> NDArray[np.float64]:
+    """Return texture coordinates brought into [0, 1] as `kind` of `WRAPS` says."""
+    if kind == "clamp":
+        return np.clip(coordinate, 0.0, 1.0)
+    if kind == "mirror":
+        twice = np.mod(coordinate, 2.0)
+        return np.minimum(twice, 2.0 - twice)
+    return np.mod(coordinate, 1.0)
 
 
 def mip_texels(rows: int, columns: int) -> int:

@@ -102,7 +102,9 @@ def _chosen(scene: Scene, chosen: NDArray[np.bool_], materials: tuple[Material, 
         none = np.zeros_like(corners)
         ids, triangle = np.zeros(1, np.int32), np.array([[0, 1, 1]], np.int32)
         vertices: dict[str, Any] = {"positions": corners, "normals": none, "uvs": none[:, :2], "colors": none}
-        return replace(scene, **vertices, triangles=triangle, material_ids=ids, materials=(Material(),), textures=())
+        return replace(
+            scene, **vertices, triangles=triangle, material_ids=ids, materials=(Material(),), textures=(), wraps=()
+        )
     used, numbers = np.unique(scene.triangles[chosen], return_inverse=True)
     vertices = {name: getattr(scene, name)[used] for name in ("positions", "normals", "uvs", "colors")}
     triangles, ids = numbers.reshape(-1, 3).astype(np.int32), scene.material_ids[chosen]

@@ -45,6 +45,8 @@ def scene_digest(scene: Scene) -> str:
         if field.name in ("lights", "cameras", "notes"):
             continue  # those in use are described by themselves
         value = getattr(scene, field.name)
+        if field.name == "wraps" and all(wrap == ("repeat", "repeat") for wrap in value):
+            continue  # as all textures did before there was a choice
         if field.name == "materials":
             parts += [[_material(material) for material in value]]
         elif field.name == "textures":

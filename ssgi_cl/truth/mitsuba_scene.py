@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.errors import MissingExtraError
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light, SpotLight
-from ssgi_cl.core.scene import Material, Scene
+from ssgi_cl.core.scene import Material, Scene, Wrap
 from ssgi_cl.core.scene_parts import without_holes
 from ssgi_cl.core.srgb import srgb_to_linear
 from ssgi_cl.techniques.direct.light_data import power
@@ -352,14 +352,14 @@ def _surface(
     if color is not None:
         reflectance = {"type": "rgb", "value": color.tolist()}
     if material.texture >= 0:
-        texels = scene.textures[material.texture]
+        texels, wrap = scene.textures[material.texture], scene.wraps[material.texture]
         decoded = srgb_to_linear(np.arange(256) / 255.0)[texels[..., :3]]
         if color is not None:
-            reflectance = _bitmap(mi, decoded * color)
+            reflectance = _bitmap(mi, decoded * color, wrap)
         else:
             _register_product(mi)
             reflectance = {
-                "type": "ssgi_product", "first": _bitmap(mi, decoded), "second": reflectance,
+                "type": "ssgi_product", "first": _bitmap(mi, decoded, wrap), "second": reflectance,
             }  # fmt: skip
     inner: dict[str, Any] = {"type": "diffuse", "reflectance": reflectance}
     if glossy and material.is_glossy:
@@ -375,19 +375,60 @@ def _surface(
         opacity: dict[str, Any] | float = material.alpha
         if material.texture >= 0 and textured_mask:
             alpha = scene.textures[material.texture][..., 3:] / 255.0
-            opacity = _bitmap(mi, alpha * material.alpha)
+            opacity = _bitmap(mi, alpha * material.alpha, scene.wraps[material.texture])
         surface = {"type": "mask", "opacity": opacity, "material": surface}
     elif material.has_holes:
         alpha = scene.textures[material.texture][..., 3:] / 255.0
         scaled = alpha * (material.alpha * HOLE / material.alpha_cutoff)
-        surface = {"type": "mask", "opacity": _bitmap(mi, scaled), "material": surface}
+        surface = {"type": "mask", "opacity": _bitmap(mi, scaled, scene.wraps[material.texture]), "material": surface}
     return surface
 
 
-def _bitmap(mi: Any, values: Doubles) -> dict[str, Any]:
-    """Return a texture of linear values, row 0 on top at v = 1; bilinear, repeated."""
+def _bitmap(mi: Any, values: Doubles, wrap: Wrap) -> dict[str, Any]:
+    """Return a texture of linear values, row 0 on top at v = 1; bilinear.
+
+    Mitsuba wraps both axes alike. Where they differ, coordinates are wrapped before: at the seams of the one that
+    repeats, a texel is held for half its width.
+    """
     image = mi.Bitmap(np.ascontiguousarray(values[::-1], np.float32))  # Mitsuba's v = 0 is row 0
-    return {"type": "bitmap", "bitmap": image, "raw": True, "wrap_mode": "repeat"}
+    alike = wrap[0] if wrap[0] == wrap[1] else "clamp"
+    bitmap = {"type": "bitmap", "bitmap": image, "raw": True, "wrap_mode": alike}
+    if wrap[0] == wrap[1]:
+        return bitmap
+    _register_wrapped(mi)
+    return {"type": "ssgi_wrapped", "inner": bitmap, "across": wrap[0], "down": wrap[1]}
+
+
+def _register_wrapped(mi: Any) -> None:
+    class Wrapped(mi.Texture):  # type: ignore[misc]
+        """A texture whose coordinates are wrapped by a kind of their own along each axis."""
+
+        def __init__(self, properties: Any) -> None:
+            super().__init__(properties)
+            self.inner, self.kinds = properties["inner"], (properties["across"], properties["down"])
+
+        def _moved(self, si: Any) -> Any:
+            moved = mi.SurfaceInteraction3f(si)
+            moved.uv = mi.Point2f(*(self._wrapped(si.uv[i], kind) for i, kind in enumerate(self.kinds)))
+            return moved
+
+        def _wrapped(self, x: Any, kind: str) -> Any:
+            floor, least = importlib.import_module("drjit").floor, importlib.import_module("drjit").minimum
+            if kind == "mirror":
+                twice = x - 2.0 * floor(0.5 * x)
+                return least(twice, 2.0 - twice)
+            return x - floor(x) if kind == "repeat" else x
+
+        def eval(self, si: Any, active: Any = True) -> Any:
+            return self.inner.eval(self._moved(si), active)
+
+        def eval_1(self, si: Any, active: Any = True) -> Any:
+            return self.inner.eval_1(self._moved(si), active)
+
+        def is_spatially_varying(self) -> bool:
+            return True
+
+    mi.register_texture("ssgi_wrapped", Wrapped)
 
 
 def _register_product(mi: Any) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.sampling import r_points
-from ssgi_cl.core.scene import Scene
+from ssgi_cl.core.scene import Scene, wrapped
 from ssgi_cl.core.srgb import srgb_to_linear
 from ssgi_cl.core.vpls import PARTS
 
@@ -185,7 +185,7 @@ def _points(scene: Scene, count: int, shares: TriangleShares) -> tuple[Any, ...]
     for index in np.unique(ids):
         material, own = scene.materials[index], ids == index
         if material.texture >= 0:
-            texels = _nearest(scene.textures[material.texture], uvs[own])
+            texels = _nearest(scene, material.texture, uvs[own])
             albedo[own] *= _DECODE[texels[:, :3]]
             if material.has_holes:
                 there[own] = texels[:, 3] / 255.0 * material.alpha >= material.alpha_cutoff
@@ -205,11 +205,13 @@ def _points(scene: Scene, count: int, shares: TriangleShares) -> tuple[Any, ...]
     return tuple(value[there] for value in values)
 
 
-def _nearest(texels: NDArray[np.uint8], uvs: Doubles) -> NDArray[np.uint8]:
-    """Return [n, 4] the texels of a repeated texture at [n, 2] coordinates, v = 0 at the bottom."""
+def _nearest(scene: Scene, texture: int, uvs: Doubles) -> NDArray[np.uint8]:
+    """Return [n, 4] the texels of a texture at [n, 2] coordinates, v = 0 at the bottom."""
+    texels = scene.textures[texture]
+    across, down = (wrapped(uvs[:, i], kind) for i, kind in enumerate(scene.wraps[texture]))
     rows, columns = texels.shape[:2]
-    column = np.minimum((np.mod(uvs[:, 0], 1.0) * columns).astype(np.intp), columns - 1)
-    row = np.minimum((np.mod(1.0 - uvs[:, 1], 1.0) * rows).astype(np.intp), rows - 1)
+    column = np.minimum((across * columns).astype(np.intp), columns - 1)
+    row = np.minimum(((1.0 - down) * rows).astype(np.intp), rows - 1)
     found: NDArray[np.uint8] = texels[row, column]
     return found
 

@@ -30,6 +30,7 @@ from ssgi_cl.rasterize.files.gltf_schema import DRACO, Json
 from ssgi_cl.rasterize.files.gltf_skin import joint_matrices, posed
 from ssgi_cl.rasterize.files.gltf_view import cameras_of, lights_of
 from ssgi_cl.rasterize.files.textures import TextureSet
+from ssgi_cl.rasterize.files.vertex_alpha import with_vertex_alpha
 from ssgi_cl.rasterize.parts import MOST_TRIANGLES, Contents, Part, check_triangles
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
@@ -164,7 +165,7 @@ class _Geometry:
             joints = np.asarray(data[_ATTRIBUTES["JOINTS_0"][0]], np.int64)
             self.weights[number] = joints, self._floats(attributes, "WEIGHTS_0", data[_ATTRIBUTES["WEIGHTS_0"][0]])
         normals, colors, uvs = (None if v is None else self._floats(attributes, key, v) for key, v in given)
-        return Part(
+        part = Part(
             name=name,
             positions=self._floats(attributes, "POSITION", np.asarray(mesh.vertices)),
             triangles=triangles,
@@ -173,6 +174,10 @@ class _Geometry:
             uvs=None if uvs is None else material.laid_out(uvs),
             colors=None if colors is None else np.clip(colors[:, :3], 0.0, None),
         )
+        if colors is None or colors.shape[1] < 4 or material.mode == "OPAQUE":
+            return part
+        blends = material.mode == "BLEND"
+        return with_vertex_alpha(part, colors[:, 3], materials.in_order, materials.textures, blends=blends)
 
     def _floats(self, attributes: Json, key: str, values: NDArray[Any]) -> NDArray[np.float64]:
         """Return `values` of an attribute as numbers; normalised integers come to [-1, 1]."""

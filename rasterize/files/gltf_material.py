@@ -30,11 +30,13 @@ class GltfMaterial:
         material: what `Scene` keeps.
         uv_set: which TEXCOORD_n the base colour texture uses.
         uv_matrix: [2, 3] of KHR_texture_transform, for glTF's coordinates (v runs down).
+        mode: the file's alphaMode.
     """
 
     material: Material
     uv_set: int = 0
     uv_matrix: NDArray[np.float64] | None = None
+    mode: str = "OPAQUE"
 
     def laid_out(self, uvs: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return `uvs` [vertices, 2] as the file has them with v = 0 at the bottom row."""
@@ -47,12 +49,13 @@ class GltfMaterials:
     """The materials of a document, read when first asked for.
 
     Attributes:
-        in_order: those asked for, in that order.
+        in_order: those asked for, in that order, and further ones of their parts.
+        textures: of all.
     """
 
     def __init__(self, document: Json, views: list[memoryview], folder: Path, textures: TextureSet) -> None:
         self.in_order: list[Material] = []
-        self._document, self._views, self._folder, self._textures = document, views, folder, textures
+        self._document, self._views, self._folder, self.textures = document, views, folder, textures
         self._known: dict[int | None, tuple[int, GltfMaterial]] = {}
         self._images: dict[int, NDArray[np.uint8] | None] = {}
 
@@ -85,7 +88,7 @@ class GltfMaterials:
         cutoff = {"MASK": float(source.get("alphaCutoff", 0.5)), "BLEND": 0.5}.get(mode, 0.0)
         texture, uv_set, uv_matrix, image, base = -1, 0, None, None, color[:3]
         if laid is not None and (image := self._image(laid["index"])) is not None:
-            texture, base = self._textures.add(image, self._wrap(laid["index"])), base * mean_color(image)
+            texture, base = self.textures.add(image, self._wrap(laid["index"])), base * mean_color(image)
             uv_set, uv_matrix = _layout(laid)
         lobe = self._lobe(source, base)
         through = self._through(source)
@@ -107,6 +110,7 @@ class GltfMaterials:
             ),
             uv_set=uv_set,
             uv_matrix=uv_matrix,
+            mode=str(mode),
         )
 
     def _wrap(self, texture: int) -> Wrap:
@@ -165,7 +169,7 @@ class GltfMaterials:
 
     def _image(self, texture: int) -> NDArray[np.uint8] | None:
         """Return the pixels of texture number `texture`; None where textures are not drawn or its file is not found."""
-        if not self._textures.drawn:
+        if not self.textures.drawn:
             return None
         entry: Json = item(self._document.get("textures", []), texture, "the number of a texture")
         extensions: Json = entry.get("extensions", {})
@@ -176,7 +180,7 @@ class GltfMaterials:
                     f"texture {texture} is a KTX2 image ({KTX2}) alone, which is not read: export it with PNG, JPEG or "
                     "WebP; load_scene(..., textures=False) or --no-textures draws the scene without"
                 )
-            self._textures.note(f"KTX2 images ({KTX2}) are not read: those that the file has beside them are drawn")
+            self.textures.note(f"KTX2 images ({KTX2}) are not read: those that the file has beside them are drawn")
         if index is None:
             raise SceneError(f"texture {texture} has no image in a supported format: {sorted(entry)}")
         if index not in self._images:
@@ -185,12 +189,12 @@ class GltfMaterials:
             uri = image.get("uri", "")
             if "bufferView" in image:
                 data = bytes(item(self._views, image["bufferView"], f"the view of {what}"))
-                self._images[index] = self._textures.decode(data, what)
+                self._images[index] = self.textures.decode(data, what)
             elif uri.startswith("data:"):
                 data = read_uri(uri, self._folder, f"the uri of {what}")
-                self._images[index] = self._textures.decode(data, what)
+                self._images[index] = self.textures.decode(data, what)
             elif uri:
-                self._images[index] = self._textures.read(self._folder, unquote(uri), f"the uri of image {index}")
+                self._images[index] = self.textures.read(self._folder, unquote(uri), f"the uri of image {index}")
             else:
                 raise SceneError(f"{what} has neither a uri nor a buffer view")
         return self._images[index]

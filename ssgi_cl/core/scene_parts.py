@@ -54,6 +54,7 @@ def without_holes(scene: Scene) -> Scene:
 def scene_parts(scene: Scene) -> SceneParts:
     """Return the parts of a scene; the same objects for the same scene."""
     if not scene.is_seen_through:
+        scene = without_holes(scene)
         return SceneParts(scene, None, scene)
     if scene not in _KEPT:
         _KEPT[scene] = _parts(scene)
@@ -62,12 +63,13 @@ def scene_parts(scene: Scene) -> SceneParts:
 
 def _parts(scene: Scene) -> SceneParts:
     through = np.array([m.is_seen_through for m in scene.materials])[scene.material_ids]
+    hole = np.array([m.is_hole and not m.is_seen_through for m in scene.materials])[scene.material_ids]
     casts = np.array([not m.is_seen_through or _casts(m) for m in scene.materials])
-    solid = _chosen(scene, ~through, scene.materials)
+    solid = _chosen(scene, ~through & ~hole, scene.materials)
     drawn = (replace(m, alpha_cutoff=FAINTEST if m.blends and m.texture >= 0 else 0.0) for m in scene.materials)
     pairs = zip(scene.materials, drawn, strict=True)
     blended = _chosen(scene, through, tuple(made if m.is_seen_through else m for m, made in pairs))
-    casting, chosen = solid, casts[scene.material_ids]
+    casting, chosen = solid, casts[scene.material_ids] & ~hole
     if (through & chosen).any():
         casting = _chosen(scene, chosen, tuple(_cast(m) if m.is_seen_through else m for m in scene.materials))
     return SceneParts(solid, blended, casting)

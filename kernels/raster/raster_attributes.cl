@@ -7,11 +7,12 @@
 // Writes:  depth     image view.layer of a plane: scene units; INFINITY where nothing is
 //          normal    images 3 view.layer + c: world space, unit length, as the mesh has it
 //          albedo    likewise, in [0, 1]
-//          emission  likewise, W m^-2 sr^-1 (RASTER_EMISSION 1)
+//          emission  likewise, W m^-2 sr^-1 (RASTER_EMISSION not 0)
 // Params:  camera, view: of the buffer; size = result; view.matt 1: albedo has the reflectance of
 //          lobes in it
 // Macros:  RASTER_STEP: pixels of the buffer from one of the result to the next;
-//          RASTER_SHADED (0: depth alone), RASTER_TEXTURED, RASTER_COLORED, RASTER_EMISSION (0, 1)
+//          RASTER_SHADED (0: depth alone), RASTER_TEXTURED, RASTER_COLORED (0, 1), RASTER_EMISSION
+//          (0, 1, or 2 with textures)
 // Launch:  SSGI_LANES pixels of a row per work-item
 
 #include "common/gbuffer.clh"
@@ -63,7 +64,7 @@ raster_write(const vint triangle, const vmask there, const bool same,
     vfloat r = v_fetch(materials, id, t.same);
     vfloat g = v_fetch(materials, id + 1, t.same);
     vfloat b = v_fetch(materials, id + 2, t.same);
-#if RASTER_COLORED || RASTER_TEXTURED
+#if RASTER_COLORED || RASTER_TEXTURED || RASTER_EMISSION == 2
     const RasterAttributes own = raster_attributes_of(vertices, &t, RASTER_COLOR);
 #endif
 #if RASTER_COLORED
@@ -92,9 +93,24 @@ raster_write(const vint triangle, const vmask there, const bool same,
     ssgi_store(v_select(zero, v_clamp(g, 0.0f, 1.0f), there), albedo, size, first + 1, x, y, 0.0f);
     ssgi_store(v_select(zero, v_clamp(b, 0.0f, 1.0f), there), albedo, size, first + 2, x, y, 0.0f);
 #if RASTER_EMISSION
+    vfloat glow[3];
     for (int c = 0; c < 3; ++c) {
-        const vfloat e = v_fetch(materials, id + (6 + c), t.same);
-        ssgi_store(v_select(zero, e, there), emission, size, first + c, x, y, 0.0f);
+        glow[c] = v_fetch(materials, id + (6 + c), t.same);
+    }
+#if RASTER_EMISSION == 2
+    const vint glowing = v_to_int(v_fetch(materials, id + 12, t.same));
+    const vmask laid = there & v_ige(glowing, v_splat_int(0));
+    if (v_any(laid)) {
+        const RasterTextures from = {textures, texels, decode};
+        const RasterColor color =
+            raster_look_up(from, glowing, camera, view, &t, hit, slope_x, slope_y, turned.w, own.w);
+        glow[0] = v_select(glow[0], glow[0] * color.r, laid);
+        glow[1] = v_select(glow[1], glow[1] * color.g, laid);
+        glow[2] = v_select(glow[2], glow[2] * color.b, laid);
+    }
+#endif
+    for (int c = 0; c < 3; ++c) {
+        ssgi_store(v_select(zero, glow[c], there), emission, size, first + c, x, y, 0.0f);
     }
 #endif
 #endif

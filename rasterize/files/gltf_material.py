@@ -92,8 +92,22 @@ class GltfMaterials:
             uv_set, uv_matrix = _layout(laid)
         lobe = self._lobe(source, base)
         through = self._through(source)
+        emission, glow = self._emission(source, index)
+        glow_texture = -1
+        if glow is not None:
+            if laid is None or image is None:
+                uv_set, uv_matrix = _layout(source["emissiveTexture"])
+            if _same_layout(_layout(source["emissiveTexture"]), (uv_set, uv_matrix)):
+                glow_texture = self.textures.add(glow, self._wrap(source["emissiveTexture"]["index"]))
+            else:
+                red, green, blue = (np.array(emission) * mean_color(glow)).tolist()
+                emission = red, green, blue
+                name = shown(source.get("name") or f"material {index}")
+                self.textures.note(
+                    f"{name}: its emissive texture is laid otherwise than its base colour, and counts with its mean"
+                )
         matt = lobe.matt * (1.0 - through)
-        red, green, blue = (lobe.matt * through * base).tolist()
+        passed = (lobe.matt * through * base).tolist()
         return GltfMaterial(
             material=Material(
                 name=str(source.get("name", "")),
@@ -104,8 +118,9 @@ class GltfMaterials:
                 alpha_cutoff=min(max(cutoff, 0.0), 1.0),
                 alpha=float(color[3]),
                 blends=mode == "BLEND" and lets_through(float(color[3]), image),
-                transmission=(red, green, blue),
-                emission=self._emission(source, index),
+                transmission=(passed[0], passed[1], passed[2]),
+                emission=emission,
+                emission_texture=glow_texture,
                 double_sided=bool(source.get("doubleSided", False)),
             ),
             uv_set=uv_set,
@@ -151,8 +166,8 @@ class GltfMaterials:
         factor = float(thin.get("transmissionFactor", 0.0)) * self._mean(thin.get("transmissionTexture"), 0)
         return min(max(factor, 0.0), 1.0)
 
-    def _emission(self, source: Json, index: int) -> tuple[float, float, float]:
-        """Return the radiance; an emissive texture counts with its mean, as emission is uniform."""
+    def _emission(self, source: Json, index: int) -> tuple[tuple[float, float, float], NDArray[np.uint8] | None]:
+        """Return the radiance, and the image that it is multiplied by, if any."""
         strong: Json = source.get("extensions", {}).get("KHR_materials_emissive_strength", {})
         factor = np.array(source.get("emissiveFactor", [0.0] * 3), dtype=np.float64)
         emission = factor * float(strong.get("emissiveStrength", 1.0))
@@ -162,10 +177,9 @@ class GltfMaterials:
                 f"{MOST_LIGHT:g} (W m^-2 sr^-1)"
             )
         laid = source.get("emissiveTexture")
-        if laid is not None and emission.any() and (image := self._image(laid["index"])) is not None:
-            emission = emission * mean_color(image)
+        image = self._image(laid["index"]) if laid is not None and emission.any() else None
         red, green, blue = (float(value) for value in emission.clip(0.0, None))
-        return red, green, blue
+        return (red, green, blue), image
 
     def _image(self, texture: int) -> NDArray[np.uint8] | None:
         """Return the pixels of texture number `texture`; None where textures are not drawn or its file is not found."""
@@ -213,3 +227,10 @@ def _layout(laid: Json) -> tuple[int, NDArray[np.float64] | None]:
         [[cosine * scale[0], sine * scale[1], offset[0]], [-sine * scale[0], cosine * scale[1], offset[1]]]
     )
     return moved.get("texCoord", uv_set), matrix
+
+
+def _same_layout(one: tuple[int, NDArray[np.float64] | None], other: tuple[int, NDArray[np.float64] | None]) -> bool:
+    """Return whether two textures lie alike."""
+    plain = np.eye(2, 3)
+    matrices = [plain if matrix is None else matrix for _, matrix in (one, other)]
+    return one[0] == other[0] and np.array_equal(*matrices)

@@ -11,7 +11,6 @@ from ssgi_cl.rasterize.files.gltf_schema import Json
 _MATERIAL_FIELDS = {
     "normalTexture": "bumps of a normal texture are not drawn",
     "occlusionTexture": "an occlusion texture is not used, ambient occlusion is computed",
-    "emissiveTexture": "an emissive texture counts with its mean colour",
 }
 
 _MATERIAL_EXTENSIONS = {

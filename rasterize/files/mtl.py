@@ -27,7 +27,7 @@ class MtlMaterial:
     """A material of a library and how it lays its texture.
 
     Attributes:
-        material: albedo from Kd, emission from Ke, Phong lobe from Ks and Ns, opacity from d/Tr.
+        material: albedo from Kd, emission from Ke and map_Ke, Phong lobe from Ks and Ns, opacity from d/Tr.
         uv_scale, uv_offset: [2] each; the texture is looked up at scale * uv + offset.
     """
 
@@ -80,7 +80,7 @@ def read_mtl(text: str, folder: Path, textures: TextureSet, *, within: Path) -> 
             continue
         elif key in ("kd", "ke", "ks", "ns", "d", "tr"):
             entry.numbers[key] = _numbers(key, words[1:], entry.name)
-        elif key in ("map_kd", "map_d"):
+        elif key in ("map_kd", "map_d", "map_ke"):
             entry.maps[key] = _map(line.strip()[len(key) :].strip(), entry.name)
     images: dict[str, NDArray[np.uint8] | None] = {}
 
@@ -99,7 +99,8 @@ def read_mtl(text: str, folder: Path, textures: TextureSet, *, within: Path) -> 
         color, opacity = image_of(entry, "map_kd"), image_of(entry, "map_d")
         if color is not None or opacity is not None:
             texture = textures.add(_join(color, opacity))
-        result[name] = _material(entry, texture)
+        glow = image_of(entry, "map_ke")
+        result[name] = _material(entry, texture, -1 if glow is None else textures.add(glow))
     return result
 
 
@@ -150,13 +151,14 @@ def _number(word: str) -> float:
         return math.nan
 
 
-def _material(entry: _Entry, texture: int) -> MtlMaterial:
+def _material(entry: _Entry, texture: int, glow: int) -> MtlMaterial:
     numbers = entry.numbers
     opacity = numbers["d"][0] if "d" in numbers else 1.0 - numbers.get("tr", [0.0])[0]
     opacity = min(max(opacity, 0.0), 1.0)
     white = (1.0, 1.0, 1.0)
     albedo = _rgb(numbers["kd"]) if "kd" in numbers else None
-    laid = entry.maps.get("map_kd") or entry.maps.get("map_d") or _Map("")
+    laid = entry.maps.get("map_kd") or entry.maps.get("map_d") or entry.maps.get("map_ke") or _Map("")
+    shine = _rgb(numbers["ke"]) if "ke" in numbers else white if glow >= 0 else (0.0,) * 3
     return MtlMaterial(
         material=Material(
             name=entry.name,
@@ -165,7 +167,8 @@ def _material(entry: _Entry, texture: int) -> MtlMaterial:
             alpha=opacity,
             alpha_cutoff=0.5 if opacity < 1.0 or "map_d" in entry.maps else 0.0,
             blends=opacity < 1.0,
-            emission=_clipped(_rgb(numbers.get("ke", [0.0])), math.inf),
+            emission=_clipped(shine, math.inf),
+            emission_texture=glow,
             specular=_clipped(_rgb(numbers.get("ks", [0.0]))),
             gloss=min(max(numbers.get("ns", [1.0])[0], 1.0), 1e6),
         ),

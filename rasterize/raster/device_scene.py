@@ -34,7 +34,7 @@ class DeviceScene:
             follow each other lie together.
         lobes: [materials, 4] specular reflectance and exponent of the Phong lobe.
         through: [materials, 4] share of light that passes what is there, and whether it blends.
-        textured, colored, emits, glossy, has_cutouts, culls: what the scene needs of the kernels.
+        textured, colored, emits, emits_textures, glossy, has_cutouts, culls: what the scene needs of the kernels.
     """
 
     def __init__(self, runtime: Runtime, scene: Scene) -> None:
@@ -58,7 +58,10 @@ class DeviceScene:
         extent = 0.5 * float(np.linalg.norm(np.ptp(scene.bounds, axis=0))) or 1.0
         self.spread = float(np.linalg.norm(few[:, 3:].astype(np.float64), axis=1).mean()) / extent
         materials = np.array(
-            [[*m.albedo, m.texture, m.alpha, m.alpha_cutoff, *m.emission, *m.specular] for m in scene.materials],
+            [
+                [*m.albedo, m.texture, m.alpha, m.alpha_cutoff, *m.emission, *m.specular, m.emission_texture]
+                for m in scene.materials
+            ],
             np.float32,
         )
         self.materials = runtime.array(materials)
@@ -74,6 +77,7 @@ class DeviceScene:
         self.textured = any(m.texture >= 0 for m in used)
         self.colored = bool((scene.colors != 1.0).any())
         self.emits = any(m.emits for m in used)
+        self.emits_textures = any(m.emits and m.emission_texture >= 0 for m in used)
         self.glossy = any(m.is_glossy for m in used)
         self.has_cutouts = bool((cutouts >= 0).any())
         self.culls = scene.culls

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core import checks
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.errors import SsgiError
-from ssgi_cl.core.scene import Scene, Wrap
+from ssgi_cl.core.scene import Scene, Wrap, mean_emission
 from ssgi_cl.rasterize.raster.opengl_context import context
 from ssgi_cl.rasterize.raster.raster_view import PEEL, PEEL_ROUNDING, back_area
 
@@ -108,7 +108,8 @@ def gbuffer_arrays(scene: Scene, camera: Camera, layers: int = 1) -> dict[str, N
     Returns:
         "depth" [layers, rows, columns] float32, linear, scene units, +inf where nothing is there;
         "normal" [layers, rows, columns, 3] float32, world space, unit length, as the mesh says;
-        "albedo" likewise, linear, in [0, 1]; "emission" likewise, W m^-2 sr^-1; of a glossy scene
+        "albedo" likewise, linear, in [0, 1]; "emission" likewise, W m^-2 sr^-1, of a
+            texture its mean; of a glossy scene
         "specular" [rows, columns, 3] and "gloss" [rows, columns] of the front layer. All are 0
         where nothing is there.
 
@@ -120,7 +121,7 @@ def gbuffer_arrays(scene: Scene, camera: Camera, layers: int = 1) -> dict[str, N
     rows, columns = camera.size
     depth = np.full((layers, rows, columns), np.inf, np.float32)
     normal, albedo, emission = (np.zeros((layers, rows, columns, 3), np.float32) for _ in range(3))
-    glow = np.array([(0.0, 0.0, 0.0), *(m.emission for m in scene.materials)], np.float32)
+    glow = np.array([(0.0, 0.0, 0.0), *(mean_emission(scene, m) for m in scene.materials)], np.float32)
     lobes = np.array([(0.0,) * 4, *((*m.specular, m.gloss) for m in scene.materials)], np.float32)
     mirrored: dict[str, NDArray[np.float32]] = {}
     with context() as gl:

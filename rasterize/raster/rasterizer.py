@@ -403,7 +403,7 @@ class Rasterizer:
             "RASTER_SHADED": int(shaded),
             "RASTER_TEXTURED": int(shaded and scene.textured),
             "RASTER_COLORED": int(shaded and scene.colored),
-            "RASTER_EMISSION": int(shaded and emission),
+            "RASTER_EMISSION": int(shaded and emission) * (1 + scene.emits_textures),
         }
         self.runtime.kernel("raster/raster_attributes.cl", macros, STRUCTS).run(
             target.whole,

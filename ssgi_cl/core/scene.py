@@ -14,6 +14,7 @@ from ssgi_cl.core.digits import place_text
 from ssgi_cl.core.immutable import Immutable, frozen
 from ssgi_cl.core.lights import Light
 from ssgi_cl.core.scene_camera import SceneCamera
+from ssgi_cl.core.srgb import srgb_to_linear
 
 MOST_TEXELS = 2**29 - 1
 """Of all textures of a scene with their mip levels: their bytes are counted in 31 bits."""
@@ -35,7 +36,8 @@ class Material:
         alpha_cutoff: where the texture's alpha times `alpha` is below it, there is a hole;
             0 for a surface without holes.
         alpha: opacity factor in [0, 1], used where there are holes or `blends`.
-        emission: [3] radiance in W m^-2 sr^-1, in [0, 1e30].
+        emission: [3] radiance in W m^-2 sr^-1, in [0, 1e30]; multiplies the texture of emission.
+        emission_texture: index into `Scene.textures`, or -1; at the same coordinates as `texture`.
         specular: [3] reflectance of the Phong lobe in [0, 1]; where albedo and it are more than 1
             together, it counts as what the albedo leaves.
         gloss: exponent of the Phong lobe, in [1, 1e6].
@@ -62,6 +64,7 @@ class Material:
     blends: bool = False
     transmission: tuple[float, float, float] = (0.0, 0.0, 0.0)
     double_sided: bool = True
+    emission_texture: int = -1
 
     def __post_init__(self) -> None:
         for name, high in (("albedo", 1.0), ("emission", checks.MOST_LIGHT), ("specular", 1.0), ("transmission", 1.0)):
@@ -205,7 +208,8 @@ class Scene(Immutable):
         set_(self, "cameras", dict(self.cameras))
         set_(self, "notes", tuple(self.notes))
         for material in self.materials:
-            checks.integer("texture", material.texture, low=-1, high=len(self.textures) - 1)
+            for name in ("texture", "emission_texture"):
+                checks.integer(name, getattr(material, name), low=-1, high=len(self.textures) - 1)
 
     @cached_property
     def key(self) -> object:
@@ -221,6 +225,11 @@ class Scene(Immutable):
     def is_seen_through(self) -> bool:
         """Whether whole frames show what is behind some of it, see `ssgi_cl.core.scene_parts`."""
         return any(material.is_seen_through for material in self.used_materials)
+
+    @cached_property
+    def emits_by_texture(self) -> bool:
+        """Whether any material's emission has a texture."""
+        return any(material.emits and material.emission_texture >= 0 for material in self.used_materials)
 
     @cached_property
     def culled_backs(self) -> NDArray[np.bool_]:
@@ -272,6 +281,15 @@ def wrapped(coordinate: NDArray[np.float64], kind: str) -> NDArray[np.float64]:
         twice = np.mod(coordinate, 2.0)
         return np.minimum(twice, 2.0 - twice)
     return np.mod(coordinate, 1.0)
+
+
+def mean_emission(scene: Scene, material: Material) -> NDArray[np.float64]:
+    """Return the radiance [3] of a material, that of its texture's mean if it has one."""
+    radiance = np.array(material.emission, np.float64)
+    if not material.emits or material.emission_texture < 0:
+        return radiance
+    texels = scene.textures[material.emission_texture][..., :3]
+    return radiance * srgb_to_linear(np.arange(256) / 255.0)[texels].mean(axis=(0, 1))
 
 
 def mip_texels(rows: int, columns: int) -> int:

@@ -61,6 +61,8 @@ def _material(material: Material) -> dict[str, Any]:
     values = _values(material)
     if material.double_sided:
         del values["double_sided"]
+    if material.emission_texture < 0:
+        del values["emission_texture"]
     if not material.is_seen_through:
         del values["blends"], values["transmission"]
     return values

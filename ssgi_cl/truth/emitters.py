@@ -17,8 +17,8 @@ class Emitters:
     """The emissive triangles of a scene that samples are drawn from.
 
     A triangle is chosen by area times mean radiance, so that the density of a point is
-    proportional to its radiance. Surfaces with alpha cut-outs, and such as are seen through, are
-    left out, as a sample may fall into a hole: paths find those by themselves.
+    proportional to its radiance. Surfaces with alpha cut-outs, with a texture of emission, and such as
+    are seen through, are left out, as a sample may fall into a hole: paths find those by themselves.
 
     Attributes:
         corner, first, second: [m, 3] float64, a corner relative to the scene's origin, and the
@@ -45,7 +45,7 @@ class Emitters:
         """Collect those of a scene; none may be there."""
         emission = np.array([m.emission for m in scene.materials])
         brightness = emission.mean(axis=1)
-        sampled = [not m.has_holes and not m.is_seen_through for m in scene.materials]
+        sampled = [not m.has_holes and not m.is_seen_through and m.emission_texture < 0 for m in scene.materials]
         brightness = np.where(sampled, brightness, 0.0)
         chosen = np.flatnonzero(brightness[scene.material_ids] > 0.0)
         corners = scene.positions[scene.triangles[chosen]].astype(np.float64)

@@ -61,6 +61,9 @@ BLENDS = "face_blends"
 BACKLESS = "face_backless"
 """Mesh attribute, of scenes that cull: 1 for a triangle without a back, else 0."""
 
+GLOW = "emission_texture"
+"""Texture attribute, of scenes with textures of emission: what emission is multiplied by."""
+
 DENSITY = "face_emission_density"
 """Mesh attribute: density of a sample at a point of an emissive triangle, per area."""
 
@@ -85,6 +88,7 @@ class MitsubaScene:
         has_holes: whether a texture's alpha cuts something out.
         blends: whether something is seen through, and asked for.
         culls: whether shapes have the attribute `BACKLESS`.
+        glows: whether shapes have the attribute `GLOW`.
         has_sky_image: whether the environment is an image.
     """
 
@@ -94,6 +98,7 @@ class MitsubaScene:
     has_holes: bool
     blends: bool
     culls: bool
+    glows: bool
     has_sky_image: bool
 
     @classmethod
@@ -147,6 +152,8 @@ class MitsubaScene:
                 for name, value in values.items():
                     each = np.atleast_1d(np.asarray(value, np.float32))
                     mesh.add_attribute(name, len(each), np.tile(each, count))
+                if emission == "attributes" and scene.emits_by_texture:
+                    mesh.add_texture_attribute(GLOW, mi.load_dict(_glow(mi, scene, material)))
                 parts[f"material_{index}"] = mesh
             for index, light in enumerate(lights):
                 if not isinstance(light, Environment) and power(light).any():
@@ -162,6 +169,7 @@ class MitsubaScene:
                 any(m.has_holes for m in scene.used_materials),
                 blends,
                 scene.culls,
+                emission == "attributes" and scene.emits_by_texture,
                 any(sky.ndim == 3 for sky in skies),
             )
 
@@ -276,9 +284,10 @@ def _mesh(mi: Any, scene: Scene, index: int, *, emits: bool, glossy: bool, throu
         )
     )
     if emits:
-        properties["emitter"] = mi.load_dict(
-            {"type": "area", "radiance": {"type": "rgb", "value": list(material.emission)}}
-        )
+        radiance: dict[str, Any] = {"type": "rgb", "value": list(material.emission)}
+        if material.emission_texture >= 0:
+            radiance = _glow(mi, scene, material, np.array(material.emission))
+        properties["emitter"] = mi.load_dict({"type": "area", "radiance": radiance})
     normals = scene.normals[used]
     mesh = mi.Mesh(
         f"material {index}",
@@ -382,6 +391,15 @@ def _surface(
         scaled = alpha * (material.alpha * HOLE / material.alpha_cutoff)
         surface = {"type": "mask", "opacity": _bitmap(mi, scaled, scene.wraps[material.texture]), "material": surface}
     return surface
+
+
+def _glow(mi: Any, scene: Scene, material: Material, factor: Doubles | float = 1.0) -> dict[str, Any]:
+    """Return the texture of a material's emission times a factor; white without."""
+    if material.emission_texture < 0:
+        return {"type": "rgb", "value": [1.0, 1.0, 1.0]}
+    texels = scene.textures[material.emission_texture]
+    decoded = srgb_to_linear(np.arange(256) / 255.0)[texels[..., :3]]
+    return _bitmap(mi, decoded * factor, scene.wraps[material.emission_texture])
 
 
 def _bitmap(mi: Any, values: Doubles, wrap: Wrap) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from ssgi_cl.core.lights import DirectionalLight, Environment, Light, environmen
 from ssgi_cl.core.sampling import r_points
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.truth.emitters import Emitters
-from ssgi_cl.truth.mitsuba_scene import BLENDS, DENSITY, EMISSION, HOLE, SIZE, TRANSMISSION
+from ssgi_cl.truth.mitsuba_scene import BLENDS, DENSITY, EMISSION, GLOW, HOLE, SIZE, TRANSMISSION
 from ssgi_cl.truth.path_tracer import MOST_CROSSINGS, OFFSET, PIXELS, PathTracer, Surface, aligned
 from ssgi_cl.truth.phong_bsdf import phong_direction, phong_lobe
 
@@ -427,10 +427,10 @@ class RadianceTracer(PathTracer):
         mi = self.mi
         if not self._emits or met.there is False:
             return mi.Color3f(0.0), mi.Float(0.0)
-        return (
-            mi.Color3f(si.shape.eval_attribute_3(EMISSION, si, met.there)),
-            mi.Float(si.shape.eval_attribute_1(DENSITY, si, met.there)),
-        )
+        radiance = mi.Color3f(si.shape.eval_attribute_3(EMISSION, si, met.there))
+        if self._world.glows:
+            radiance *= mi.Color3f(si.shape.eval_attribute_3(GLOW, si, met.there))
+        return (radiance, mi.Float(si.shape.eval_attribute_1(DENSITY, si, met.there)))
 
     def _emitter_index(self, number: Any) -> Any:
         """Return the triangle that a random number falls to."""

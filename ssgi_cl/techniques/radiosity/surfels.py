@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.sampling import r_points
-from ssgi_cl.core.scene import Scene, wrapped
+from ssgi_cl.core.scene import Scene, mean_emission, wrapped
 from ssgi_cl.core.srgb import srgb_to_linear
 from ssgi_cl.core.vpls import PARTS
 
@@ -101,7 +101,7 @@ class TriangleShares:
     def of(cls, scene: Scene) -> TriangleShares:
         """Return those of a scene."""
         area = 0.5 * np.sqrt(sum(one * one for one in _cross(scene, slice(None))))
-        emission = np.array([sum(m.emission) for m in scene.materials], np.float64)
+        emission = np.array([float(np.sum(mean_emission(scene, m))) for m in scene.materials], np.float64)
         shine = (emission / max(emission.max(initial=0.0), 1e-300))[scene.material_ids]
         density = np.zeros(len(area))
         parts = (np.ones(len(area)), 1.0 - EMITTERS), (shine, EMITTERS)
@@ -192,6 +192,10 @@ def _points(scene: Scene, count: int, shares: TriangleShares) -> tuple[Any, ...]
     # What lobes reflect goes every way.
     albedo += np.array([m.specular for m in scene.materials])[ids]
     emission = np.array([m.emission for m in scene.materials])[ids]
+    for index in np.unique(ids):
+        material, own = scene.materials[index], ids == index
+        if material.emits and material.emission_texture >= 0:
+            emission[own] *= _DECODE[_nearest(scene, material.emission_texture, uvs[own])[:, :3]]
     cross = np.stack(_cross(scene, triangle), axis=1)
     double = np.sqrt(np.einsum("nc,nc->n", cross, cross))
     area = total / count / shares.density[triangle]

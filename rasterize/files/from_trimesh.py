@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from ssgi_cl.core.errors import SceneError
+from ssgi_cl.core.errors import SceneError, shown
 from ssgi_cl.core.scene import Material
 from ssgi_cl.core.srgb import srgb_to_linear
+from ssgi_cl.rasterize.files.gltf_notes import MATERIAL_FIELDS, MEAN_OF_METAL
 from ssgi_cl.rasterize.files.metal_rough import Lobe, metal_rough_lobe
+from ssgi_cl.rasterize.files.mtl_notes import features_of
+from ssgi_cl.rasterize.files.notes import material_notes, not_drawn
 from ssgi_cl.rasterize.files.textures import TextureSet, lets_through, mean_color, rgba_of
+from ssgi_cl.rasterize.files.trimesh_view import view_of
 from ssgi_cl.rasterize.parts import Contents, Part
 
+_KINDS = {"PointCloud": "point cloud", "Path2D": "path", "Path3D": "path", "VoxelGrid": "voxel grid"}
 _GREY = Material()
 _WHITE = Material(albedo=(1.0, 1.0, 1.0))
 
@@ -25,7 +31,8 @@ def read_trimesh(source: trimesh.Scene | trimesh.Trimesh, textures: TextureSet) 
 
     Colours of vertices and faces are taken as sRGB-encoded; factors of materials as linear, with
     the bits that trimesh has left of them (a file read by path keeps them all). Normals are kept
-    where they differ from those that trimesh computes itself.
+    where they differ from those that trimesh computes itself. A scene's lights and its camera are kept
+    if they were set; what of a scene is not drawn is noted.
 
     Raises:
         SceneError: there is no mesh.
@@ -33,28 +40,35 @@ def read_trimesh(source: trimesh.Scene | trimesh.Trimesh, textures: TextureSet) 
     """
     reader = _Reader(textures)
     if isinstance(source, trimesh.Trimesh):
-        return Contents([reader.part(source, "mesh")], reader.materials)
+        parts = [reader.part(source, "mesh")]
+        return Contents(parts, reader.materials, notes=tuple(material_notes(reader.features)))
     if not isinstance(source, trimesh.Scene):
         raise TypeError(f"source is {type(source).__name__}: expected a path, or a Scene or Trimesh of trimesh")
-    parts: list[Part] = []
+    parts = []
     made: dict[str, Part] = {}
+    others: dict[str, int] = {}
     for node in source.graph.nodes_geometry:
         matrix, key = source.graph[node]
         name = str(key)
         mesh = source.geometry[name]
         if not isinstance(mesh, trimesh.Trimesh):
+            kind = _KINDS.get(type(mesh).__name__, type(mesh).__name__)
+            others[kind] = others.get(kind, 0) + 1
             continue
         if name not in made:
             made[name] = reader.part(mesh, name)
         parts.append(made[name].transformed(np.asarray(matrix, dtype=np.float64)))
+    left_out = [not_drawn(number, kind) for kind, number in others.items()]
     if not parts:
-        raise SceneError("the trimesh scene places no mesh")
-    return Contents(parts, reader.materials)
+        raise SceneError("; ".join(["the trimesh scene places no mesh", *left_out]))
+    lights, cameras, notes = view_of(source)
+    return Contents(parts, reader.materials, lights, cameras, (*material_notes(reader.features), *left_out, *notes))
 
 
 class _Reader:
     def __init__(self, textures: TextureSet) -> None:
         self.materials: list[Material] = []
+        self.features: list[tuple[str, list[str]]] = []  # not drawn, by name of their material
         self._textures = textures
         self._index: dict[int, int] = {}
         # Keeps materials alive, so that an id stands for one material only.
@@ -101,6 +115,7 @@ class _Reader:
             self._index[id(key)] = len(self.materials)
             self._seen.append(key)
             self.materials.append(material)
+            self.features.append((shown(material.name), list(_features(key))))
         return self._index[id(key)]
 
     def _material(self, source: Any) -> Material:
@@ -154,6 +169,26 @@ class _Reader:
         if image is None or not self._textures.drawn:
             return -1
         return self._textures.add(rgba_of(image, "a texture"))
+
+
+def _features(source: object) -> Iterator[str]:
+    """Yield what of a material of trimesh is not drawn as it says."""
+    yield from (text for field, text in MATERIAL_FIELDS.items() if getattr(source, field, None) is not None)
+    if getattr(source, "metallicRoughnessTexture", None) is not None:
+        yield MEAN_OF_METAL
+    # What an .mtl file says besides; words, or what trimesh made of them.
+    fields = getattr(source, "kwargs", None) or {}
+    others = {str(key).lower(): _words(value) for key, value in fields.items()}
+    yield from features_of({}, (), others)
+    if unread := [key for key in ("map_ke", "pm", "pr", "map_pm", "map_pr") if key in others]:
+        yield f"{', '.join(unread)} of an .mtl file: not read from trimesh, only from a file by its path"
+
+
+def _words(value: Any) -> list[str]:
+    """Return the words of a statement; none of what is no words, such as an image."""
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return [str(word) for word in value]
+    return str(value).split() if isinstance(value, (str, int, float)) else []
 
 
 def _lobe(source: Any, color: NDArray[np.float64]) -> Lobe:

@@ -7,11 +7,14 @@ from collections.abc import Iterable, Iterator
 from ssgi_cl.core.errors import shown
 from ssgi_cl.rasterize.files.gltf_document import UNDERSTOOD
 from ssgi_cl.rasterize.files.gltf_schema import Json
+from ssgi_cl.rasterize.files.notes import material_notes
 
-_MATERIAL_FIELDS = {
+MATERIAL_FIELDS = {
     "normalTexture": "bumps of a normal texture are not drawn",
     "occlusionTexture": "an occlusion texture is not used, ambient occlusion is computed",
 }
+"""What of a material is not drawn, by the field that has it; trimesh has the same fields."""
+MEAN_OF_METAL = "a texture of metal and roughness counts with its mean"
 
 _MATERIAL_EXTENSIONS = {
     "KHR_materials_volume": "volumes are not drawn, they are thin walls",
@@ -30,8 +33,6 @@ _DRAWN_EXTENSIONS = (
     "KHR_materials_transmission",
 )
 
-_MOST_NAMES = 4
-
 
 def notes_of(document: Json, materials: Iterable[int]) -> Iterator[str]:
     """Yield a line for each feature of a document that is not drawn as the file says.
@@ -41,13 +42,10 @@ def notes_of(document: Json, materials: Iterable[int]) -> Iterator[str]:
         materials: numbers of the materials in use.
     """
     used = [document["materials"][index] for index in sorted(materials)]
-    names: dict[str, list[str]] = {}
-    for index, material in zip(sorted(materials), used, strict=True):
-        name = shown(material.get("name") or f"material {index}")
-        for feature in _features(material):
-            names.setdefault(feature, []).append(name)
-    for feature, having in names.items():
-        yield f"{_listed(having)}: {feature}"
+    yield from material_notes(
+        (shown(material.get("name") or f"material {index}"), _features(material))
+        for index, material in zip(sorted(materials), used, strict=True)
+    )
     yield from _geometry(document)
     unknown = set(document.get("extensionsUsed", [])) - {*UNDERSTOOD, *_MATERIAL_EXTENSIONS, *_DRAWN_EXTENSIONS}
     for extension in sorted(unknown):
@@ -58,9 +56,9 @@ def _features(material: Json) -> Iterator[str]:
     """Yield the features of a material that are not drawn."""
     if material.get("alphaMode") == "BLEND":
         yield "G-buffers and shadows have blended surfaces where their opacity is 0.5 or more"
-    yield from (text for field, text in _MATERIAL_FIELDS.items() if field in material)
+    yield from (text for field, text in MATERIAL_FIELDS.items() if field in material)
     if "metallicRoughnessTexture" in material.get("pbrMetallicRoughness", {}):
-        yield "a texture of metal and roughness counts with its mean"
+        yield MEAN_OF_METAL
     extensions = material.get("extensions", {})
     if "KHR_materials_transmission" in extensions:
         yield "light passes straight through it, neither bent nor scattered; G-buffers show it"
@@ -78,9 +76,3 @@ def _geometry(document: Json) -> Iterator[str]:
         yield "animations are not played: nodes stand as the file places them"
     if len(document.get("scenes", [])) > 1:
         yield f"{len(document['scenes']) - 1} more scene(s) of the file are not drawn"
-
-
-def _listed(names: list[str]) -> str:
-    more = len(names) - _MOST_NAMES
-    listed = ", ".join(names[:_MOST_NAMES]) + (f" and {more} more" if more > 0 else "")
-    return f"material{'s' if len(names) > 1 else ''} {listed}"

@@ -40,22 +40,35 @@ def lights_of(document: Json, placed: list[tuple[int, Matrix]], notes: list[str]
             continue
         source: Json = item(entries, reference["light"], f"the light of node {index}")
         name = shown(node.get("name") or source.get("name") or f"light {index}")
-        try:
-            with np.errstate(over="ignore", invalid="ignore"):  # refused by the light
-                lights.append(_light(source, matrix))
-        except (ValueError, TypeError) as error:
-            notes.append(f"light {name} is left out: {error}")
-            continue
-        if "range" in source:
-            notes.append(f"light {name}: its range is not used, light falls off with distance only")
-        cone = _cone(source)
-        if source["type"] == "spot" and cone[1] - cone[0] > math.radians(1.0):
-            soft, hard = tuple(map(math.degrees, cone)), math.degrees(_sharp(*cone))
-            notes.append(
-                f"light {name}: its soft edge from {soft[0]:.1f} to {soft[1]:.1f} degrees is drawn "
-                f"as a sharp one of the same flux at {hard:.1f}"
-            )
+        lights += placed_light(source, matrix, name, notes)
     return tuple(lights)
+
+
+def placed_light(source: Json, matrix: Matrix, name: str, notes: list[str]) -> list[Light]:
+    """Return the light of a description in a list, empty if it cannot be used, which `notes` then says.
+
+    Args:
+        source: as the extension KHR_lights_punctual has it.
+        matrix: [4, 4], of its node.
+        name: fit to be printed.
+        notes: gets what of it is not drawn.
+    """
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):  # refused by the light
+            light = _light(source, matrix)
+    except (ValueError, TypeError) as error:
+        notes.append(f"light {name} is left out: {error}")
+        return []
+    if "range" in source:
+        notes.append(f"light {name}: its range is not used, light falls off with distance only")
+    cone = _cone(source)
+    if source["type"] == "spot" and cone[1] - cone[0] > math.radians(1.0):
+        soft, hard = tuple(map(math.degrees, cone)), math.degrees(_sharp(*cone))
+        notes.append(
+            f"light {name}: its soft edge from {soft[0]:.1f} to {soft[1]:.1f} degrees is drawn "
+            f"as a sharp one of the same flux at {hard:.1f}"
+        )
+    return [light]
 
 
 def _light(source: Json, matrix: Matrix) -> Light:
@@ -106,12 +119,25 @@ def cameras_of(document: Json, placed: list[tuple[int, Matrix]], notes: list[str
         plain = str(node.get("name") or source.get("name") or f"camera {index}")
         numbered = (f"{plain} ({number})" for number in count(2))
         name = next(each for each in chain([plain], numbered) if each not in cameras)
-        try:
-            with np.errstate(over="ignore", invalid="ignore"):  # refused by the camera
-                cameras[name] = _camera(source, matrix)
-        except (ValueError, TypeError) as error:
-            notes.append(f"camera {shown(name)} is left out: {error}")
+        cameras |= placed_camera(source, matrix, name, notes)
     return cameras
+
+
+def placed_camera(source: Json, matrix: Matrix, name: str, notes: list[str]) -> dict[str, SceneCamera]:
+    """Return the camera of a description by its name, none if it cannot be used, which `notes` then says.
+
+    Args:
+        source: as glTF has it.
+        matrix: [4, 4], of its node.
+        name: as the scene has it.
+        notes: gets why it is left out.
+    """
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):  # refused by the camera
+            return {name: _camera(source, matrix)}
+    except (ValueError, TypeError) as error:
+        notes.append(f"camera {shown(name)} is left out: {error}")
+        return {}
 
 
 def _camera(source: Json, matrix: Matrix) -> SceneCamera:

@@ -48,8 +48,8 @@ def load_scene(
             says: in glTF those of materials that are not `doubleSided`, elsewhere none.
 
     Returns:
-        The scene with the lights and cameras that a glTF file describes, and notes on what of the
-        file is not drawn.
+        The scene with the lights and cameras that a glTF file describes, or that were set in a scene of
+        trimesh, and notes on what of the source is not drawn.
 
     Raises:
         SceneError: the file is missing, of an unknown kind, damaged or without triangles; a texture

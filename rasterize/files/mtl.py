@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +14,9 @@ from PIL import Image
 
 from ssgi_cl.core.errors import SceneError, shown
 from ssgi_cl.core.scene import Material
-from ssgi_cl.rasterize.files.textures import TextureSet
+from ssgi_cl.rasterize.files.metal_rough import Lobe, metal_rough_lobe
+from ssgi_cl.rasterize.files.mtl_notes import features_of
+from ssgi_cl.rasterize.files.textures import TextureSet, mean_color
 
 # Options of a map statement and how many words follow each; -s, -o and -t take one to three.
 _OPTION_WORDS = {
@@ -27,11 +31,14 @@ class MtlMaterial:
     """A material of a library and how it lays its texture.
 
     Attributes:
-        material: albedo from Kd, emission from Ke and map_Ke, Phong lobe from Ks and Ns, opacity from d/Tr.
+        material: albedo from Kd, emission from Ke and map_Ke, Phong lobe from Ks and Ns or from metal and roughness,
+            opacity from d/Tr.
+        features: what of it is not drawn as the file says.
         uv_scale, uv_offset: [2] each; the texture is looked up at scale * uv + offset.
     """
 
     material: Material
+    features: tuple[str, ...] = ()
     uv_scale: tuple[float, float] = (1.0, 1.0)
     uv_offset: tuple[float, float] = (0.0, 0.0)
 
@@ -48,13 +55,16 @@ class _Entry:
     name: str
     numbers: dict[str, list[float]] = field(default_factory=dict)
     maps: dict[str, _Map] = field(default_factory=dict)
+    others: dict[str, list[str]] = field(default_factory=dict)
 
 
 def read_mtl(text: str, folder: Path, textures: TextureSet, *, within: Path) -> dict[str, MtlMaterial]:
     """Return the materials of a library by name.
 
     Kd and Ke are taken as linear, map_Kd as sRGB-encoded. A map_d (or an opacity below 1) makes
-    the material cut out at one half: what is mostly transparent is a hole.
+    the material cut out at one half: what is mostly transparent is a hole. Where Pm or Pr (or their
+    textures) say metal and roughness, these give the lobe, as in glTF, in place of Ks and Ns. Textures
+    of metal and roughness count with their mean.
 
     Args:
         text: contents of the .mtl file; words may be parted by spaces or tabs.
@@ -78,10 +88,12 @@ def read_mtl(text: str, folder: Path, textures: TextureSet, *, within: Path) -> 
             entry = entries.setdefault(name, _Entry(name))
         elif entry is None:
             continue
-        elif key in ("kd", "ke", "ks", "ns", "d", "tr"):
+        elif key in ("kd", "ke", "ks", "ns", "d", "tr", "pm", "pr"):
             entry.numbers[key] = _numbers(key, words[1:], entry.name)
-        elif key in ("map_kd", "map_d", "map_ke"):
+        elif key in ("map_kd", "map_d", "map_ke", "map_pm", "map_pr"):
             entry.maps[key] = _map(line.strip()[len(key) :].strip(), entry.name)
+        else:
+            entry.others[key] = words[1:]
     images: dict[str, NDArray[np.uint8] | None] = {}
 
     def image_of(entry: _Entry, key: str) -> NDArray[np.uint8] | None:
@@ -100,7 +112,14 @@ def read_mtl(text: str, folder: Path, textures: TextureSet, *, within: Path) -> 
         if color is not None or opacity is not None:
             texture = textures.add(_join(color, opacity))
         glow = image_of(entry, "map_ke")
-        result[name] = _material(entry, texture, -1 if glow is None else textures.add(glow))
+        metal, rough = (image_of(entry, key) for key in ("map_pm", "map_pr"))
+        means = {
+            "map_kd": np.ones(3) if color is None else mean_color(color),
+            "map_pm": None if metal is None else _mean(metal),
+            "map_pr": None if rough is None else _mean(rough),
+        }
+        glow_texture = -1 if glow is None else textures.add(glow)
+        result[name] = _material(entry, texture, glow_texture, means)
     return result
 
 
@@ -151,27 +170,52 @@ def _number(word: str) -> float:
         return math.nan
 
 
-def _material(entry: _Entry, texture: int, glow: int) -> MtlMaterial:
+def _mean(image: NDArray[np.uint8]) -> float:
+    """Return the mean in [0, 1] of a texture of one number, which is grey."""
+    return float(image[..., 0].mean()) / 255.0
+
+
+def _lobe(entry: _Entry, base: NDArray[np.float64], means: Mapping[str, Any]) -> Lobe:
+    """Return what a material mirrors; `means` are those of its textures."""
+    numbers = entry.numbers
+    gloss = min(max(numbers.get("ns", [1.0])[0], 1.0), 1e6)
+    metal, rough = means["map_pm"], means["map_pr"]
+    if metal is None and rough is None and not {"pm", "pr"} & numbers.keys():
+        return Lobe(specular=_clipped(_rgb(numbers.get("ks", [0.0]))), gloss=gloss)
+    # Roughness that is not given is that of Ns, the exponent: see `rough_lobe`.
+    otherwise = (2.0 / (gloss + 2.0)) ** 0.25 if "ns" in numbers else 1.0
+    given = {
+        key: numbers.get(key, [1.0 if mean is not None else least])[0] * (1.0 if mean is None else mean)
+        for key, mean, least in (("pm", metal, 0.0), ("pr", rough, otherwise))
+    }
+    return metal_rough_lobe(base, given["pm"], given["pr"])
+
+
+def _material(entry: _Entry, texture: int, glow: int, means: Mapping[str, Any]) -> MtlMaterial:
+    """Return a material; `means` are those of its textures, None where there is none."""
     numbers = entry.numbers
     opacity = numbers["d"][0] if "d" in numbers else 1.0 - numbers.get("tr", [0.0])[0]
     opacity = min(max(opacity, 0.0), 1.0)
     white = (1.0, 1.0, 1.0)
     albedo = _rgb(numbers["kd"]) if "kd" in numbers else None
+    color = _clipped(albedo or (white if texture >= 0 else Material.albedo))
+    lobe = _lobe(entry, np.array(color) * means["map_kd"], means)
+    emission = _rgb(numbers.get("ke", [0.0 if glow < 0 else 1.0]))
     laid = entry.maps.get("map_kd") or entry.maps.get("map_d") or entry.maps.get("map_ke") or _Map("")
-    shine = _rgb(numbers["ke"]) if "ke" in numbers else white if glow >= 0 else (0.0,) * 3
     return MtlMaterial(
         material=Material(
             name=entry.name,
-            albedo=_clipped(albedo or (white if texture >= 0 else Material.albedo)),
+            albedo=_rgb([lobe.matt * value for value in color]),
             texture=texture,
             alpha=opacity,
             alpha_cutoff=0.5 if opacity < 1.0 or "map_d" in entry.maps else 0.0,
             blends=opacity < 1.0,
-            emission=_clipped(shine, math.inf),
+            emission=_clipped(emission, math.inf),
             emission_texture=glow,
-            specular=_clipped(_rgb(numbers.get("ks", [0.0]))),
-            gloss=min(max(numbers.get("ns", [1.0])[0], 1.0), 1e6),
+            specular=lobe.specular,
+            gloss=lobe.gloss,
         ),
+        features=tuple(features_of(entry.numbers, entry.maps, entry.others)),
         uv_scale=laid.scale,
         uv_offset=laid.offset,
     )

@@ -17,10 +17,12 @@ from ssgi_cl.core.errors import SceneError, shown
 from ssgi_cl.core.scene import Material
 from ssgi_cl.core.srgb import srgb_to_linear
 from ssgi_cl.rasterize.files.mtl import MtlMaterial, read_mtl
+from ssgi_cl.rasterize.files.notes import material_notes, not_drawn
 from ssgi_cl.rasterize.files.polygons import triangulate
 from ssgi_cl.rasterize.files.textures import TextureSet, found_beside, is_file
 from ssgi_cl.rasterize.parts import Contents, Part
 
+_LEFT_OUT = {"p": "point", "l": "line", "curv": "curve", "curv2": "curve", "surf": "curved surface"}
 _MISSING_SLASHES = (b"/0/0", b"/0", b"")
 
 
@@ -37,15 +39,17 @@ class _Statements:
     material_of_face: list[int] = field(default_factory=list)
     material_names: list[str] = field(default_factory=list)
     libraries: list[str] = field(default_factory=list)
+    # How many things there are of each statement that is not drawn.
+    left_out: dict[str, int] = field(default_factory=dict)
 
 
 def read(path: Path, textures: TextureSet) -> Contents:
     """Read an OBJ file and its material libraries.
 
     Polygons are cut into triangles. Colours that follow the position of a vertex are taken as
-    sRGB-encoded, in [0, 1] or [0, 255]. A material that no library defines is grey. Lines, points,
-    curves and smoothing groups (the crease angle stands for them) are left out. A library, a
-    material or a texture that is not found is noted.
+    sRGB-encoded, in [0, 1] or [0, 255]. A material that no library defines is grey. Smoothing groups
+    are left out (the crease angle stands for them). Lines, points, curves, what of a material is not
+    drawn, and a library, a material or a texture that is not found are noted.
 
     Raises:
         SceneError: a number or an index can't be read, or a texture is damaged.
@@ -65,8 +69,14 @@ def read(path: Path, textures: TextureSet) -> Contents:
     for name in statements.material_names:
         if name and name not in library:
             textures.note(f"material {shown(name)} is in no library: it is drawn grey")
+    for kind in dict.fromkeys(_LEFT_OUT.values()):
+        if number := sum(statements.left_out.get(key, 0) for key, each in _LEFT_OUT.items() if each == kind):
+            textures.note(not_drawn(number, kind))
     grey = [MtlMaterial(material=Material(name=name)) for name in statements.material_names]
     found = [library.get(name, grey[i]) for i, name in enumerate(statements.material_names)]
+
+    for note in material_notes((shown(m.material.name), m.features) for m in found):
+        textures.note(note)
 
     used, vertex = _unique_corners(corners[cut].reshape(-1, 3), material_ids, found)
     # Index -1 (absent) falls on the row of zeros that is put at the end.
@@ -108,6 +118,9 @@ def _sort_lines(text: str) -> _Statements:
             material = names.setdefault(rest.strip(), len(names))
         elif key == "mtllib":
             found.libraries.append(rest.strip())
+        elif key in _LEFT_OUT:
+            number = len(rest.split("#", 1)[0].split()) if key == "p" else 1
+            found.left_out[key] = found.left_out.get(key, 0) + number
     found.material_names = list(names) or [""]
     return found
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +11,12 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from ssgi_cl.core.errors import SceneError
+from ssgi_cl.core.errors import SceneError, shown
 from ssgi_cl.core.scene import Material
 from ssgi_cl.core.srgb import srgb_to_linear
-from ssgi_cl.rasterize.files.ply_header import PlyHeader, read_header
-from ssgi_cl.rasterize.files.ply_polygons import INDEX_LISTS, as_triangles
+from ssgi_cl.rasterize.files.notes import not_drawn
+from ssgi_cl.rasterize.files.ply_header import INDEX_LISTS, PlyHeader, read_header
+from ssgi_cl.rasterize.files.ply_polygons import as_triangles
 from ssgi_cl.rasterize.files.textures import UTF8_MARK, TextureSet
 from ssgi_cl.rasterize.parts import Contents, Part
 
@@ -25,7 +27,7 @@ def read(path: Path, textures: TextureSet) -> Contents:
     Colours (red, green, blue of vertices, else of faces; integers of their type's range or
     floating-point numbers in [0, 1]) are taken as sRGB-encoded. The image that a `TextureFile`
     comment names is the texture. The material is white if there are colours or a texture, else
-    grey.
+    grey. Points of no face, and elements other than vertices and faces, are noted.
 
     Raises:
         SceneError: damaged.
@@ -61,8 +63,19 @@ def read(path: Path, textures: TextureSet) -> Contents:
     if header.texture and part.uvs is not None:
         image = textures.read(path.parent, header.texture, f"the TextureFile of {path.name}")
         texture = -1 if image is None else textures.add(image)
+    for note in _left_out(header, len(positions) - len(np.unique(triangles)) if untouched else 0):
+        textures.note(note)
     white = texture >= 0 or part.colors is not None
     return Contents([part], [Material(albedo=(1.0, 1.0, 1.0)) if white else Material()])
+
+
+def _left_out(header: PlyHeader, points: int) -> Iterator[str]:
+    """Yield a line for each kind of thing that is not drawn; `points` are in no face."""
+    if points:
+        yield not_drawn(points, "point of no face", "points of no face")
+    for name, number in header.others:
+        if number:
+            yield not_drawn(number, f"element {shown(name)}", f"elements {shown(name)}")
 
 
 def _decoded(header: bytes, data: bytes, corner_uvs: bool) -> trimesh.Trimesh:

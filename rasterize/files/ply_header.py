@@ -5,17 +5,20 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
 from ssgi_cl.core.errors import SceneError, shown
 
 _LONGEST_HEADER = 1 << 16
 _FORMATS = ("ascii", "binary_little_endian", "binary_big_endian")
-_BYTES = {
-    "char": 1, "uchar": 1, "int8": 1, "uint8": 1, "short": 2, "ushort": 2, "int16": 2,
-    "uint16": 2, "int": 4, "uint": 4, "int32": 4, "uint32": 4, "float": 4, "float32": 4,
-    "double": 8, "float64": 8,
+TYPES = {
+    "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
+    "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
+    "double": "f8", "float64": "f8",
 }  # fmt: skip
-_REALS = ("float", "float32", "double", "float64")
-_INDEX_LISTS = ("vertex_indices", "vertex_index")
+"""Type of numpy, without byte order, by its name in a header."""
+INDEX_LISTS = ("vertex_indices", "vertex_index")
+"""Names of the list of a face's vertices."""
 
 
 @dataclass
@@ -37,12 +40,14 @@ class PlyHeader:
         corner_uvs: whether faces have texture coordinates of their corners.
         bytes: the header anew, with nothing in it but what was checked.
         start: where the data begins.
+        others: name and number of what there is besides vertices and faces.
     """
 
     texture: str
     corner_uvs: bool
     bytes: bytes
     start: int
+    others: tuple[tuple[str, int], ...]
 
 
 def read_header(data: bytes, path: Path) -> PlyHeader:
@@ -79,20 +84,21 @@ def read_header(data: bytes, path: Path) -> PlyHeader:
     for element in elements:
         text += [f"element {element.name} {element.count}", *element.lines]
     corner_uvs = any("texcoord" in element.lists for element in elements)
-    return PlyHeader(texture, corner_uvs, "\n".join([*text, "end_header\n"]).encode(), start)
+    others = tuple((each.name, each.count) for each in elements if each.name not in ("vertex", "face"))
+    return PlyHeader(texture, corner_uvs, "\n".join([*text, "end_header\n"]).encode(), start, others)
 
 
 def _property(element: _Element, words: list[str], form: str, path: Path) -> None:
     *types, name = words[1:] or [""]
     is_list = types[:1] == ["list"] and len(types) == 3
-    counted = is_list and types[1] in _BYTES and types[1] not in _REALS
-    known = all(kind in _BYTES for kind in types[-1:]) and (counted or len(types) == 1)
+    counted = is_list and TYPES.get(types[1], "f")[0] != "f"
+    known = all(kind in TYPES for kind in types[-1:]) and (counted or len(types) == 1)
     if not known or name in (*element.singles, *element.lists):
         raise SceneError(f"{path} has the line {shown(' '.join(words))} in its header")
     (element.lists if is_list else element.singles).append(name)
     element.lines.append(" ".join(words))
     # Text takes a digit and a blank; an empty list its count alone.
-    element.least_bytes += 2 if form == "ascii" else _BYTES[types[1 if is_list else 0]]
+    element.least_bytes += 2 if form == "ascii" else np.dtype(TYPES[types[1 if is_list else 0]]).itemsize
 
 
 def _check(elements: list[_Element], left: int, path: Path) -> None:
@@ -109,6 +115,7 @@ def _check(elements: list[_Element], left: int, path: Path) -> None:
     if vertex is None or any(axis not in vertex.singles for axis in "xyz"):
         raise SceneError(f"{path} has no vertices with the properties x, y and z")
     if face is None or not face.count:
-        raise SceneError(f"{path} holds no triangle")
-    if not any(name in face.lists for name in _INDEX_LISTS):
+        cloud = f": it is a cloud of {vertex.count} points, which are not drawn" if vertex.count else ""
+        raise SceneError(f"{path} holds no triangle{cloud}")
+    if not any(name in face.lists for name in INDEX_LISTS):
         raise SceneError(f"{path} has no list vertex_indices in its faces")

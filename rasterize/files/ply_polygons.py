@@ -9,17 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.errors import SceneError
+from ssgi_cl.rasterize.files.ply_header import INDEX_LISTS, TYPES
 from ssgi_cl.rasterize.files.polygons import triangulate
 
-INDEX_LISTS = ("vertex_indices", "vertex_index")
-"""Names of the list of a face's vertices."""
-
-_TYPES = {
-    "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
-    "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
-    "double": "f8", "float64": "f8",
-}  # fmt: skip
-_WORDS = {kind: word for word, kind in reversed(_TYPES.items())}
+_WORDS = {kind: word for word, kind in reversed(TYPES.items())}
 """Type by dtype: the names of the first PLY."""
 
 
@@ -107,8 +100,8 @@ def _elements(header: str) -> tuple[list[_Element], str]:
         elif words[0] == "element":
             elements.append(_Element(words[1], int(words[2])))
         elif words[0] == "property":
-            count = _TYPES[words[2]] if words[1] == "list" else ""
-            elements[-1].properties.append((words[-1], _TYPES[words[-2]], count))
+            count = TYPES[words[2]] if words[1] == "list" else ""
+            elements[-1].properties.append((words[-1], TYPES[words[-2]], count))
     return elements, order
 
 

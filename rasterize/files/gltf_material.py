@@ -233,4 +233,4 @@ def _same_layout(one: tuple[int, NDArray[np.float64] | None], other: tuple[int, 
     """Return whether two textures lie alike."""
     plain = np.eye(2, 3)
     matrices = [plain if matrix is None else matrix for _, matrix in (one, other)]
-    return one[0] == other[0] and np.array_equal(*matrices)
+    return one[0] == other[0] and np.array_equal(matrices[0], matrices[1])

@@ -53,7 +53,7 @@ def view_of(source: trimesh.Scene) -> tuple[tuple[Light, ...], dict[str, SceneCa
 
 def _automatic(source: trimesh.Scene, given: Any) -> bool:
     """Return whether the lights are those that trimesh makes: two plain points at the corners of the bounds."""
-    plain = lighting.PointLight()
+    plain = lighting.PointLight()  # type: ignore[no-untyped-call]
     if len(given) != 2 or source.bounds is None:
         return False
     for light, corner in zip(given, source.bounds, strict=True):

@@ -35,8 +35,11 @@ def with_vertex_alpha(
         blends: whether the material blends with what is behind, by what the file says; else it has holes.
     """
     alpha = np.clip(np.nan_to_num(alpha, nan=1.0), 0.0, 1.0)
-    corners = alpha[part.triangles]
-    if not corners.size or corners.min() >= 1.0:
+    triangles = part.triangles
+    if not triangles.size or triangles.min() < 0 or triangles.max() >= len(alpha):
+        return part  # which is refused when parts are joined
+    corners = alpha[triangles]
+    if corners.min() >= 1.0:
         return part
     material = materials[int(part.material_ids[0])]
     if corners.min() == corners.max():

@@ -289,7 +289,7 @@ def mean_emission(scene: Scene, material: Material) -> NDArray[np.float64]:
     if not material.emits or material.emission_texture < 0:
         return radiance
     texels = scene.textures[material.emission_texture][..., :3]
-    return radiance * srgb_to_linear(np.arange(256) / 255.0)[texels].mean(axis=(0, 1))
+    return np.asarray(radiance * srgb_to_linear(np.arange(256) / 255.0)[texels].mean(axis=(0, 1)))
 
 
 def mip_texels(rows: int, columns: int) -> int:

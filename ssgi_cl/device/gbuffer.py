@@ -77,6 +77,7 @@ class DeviceGBuffer:
         self.depth = runtime.plane(layers, shown, math.inf)
         self._images = max(3 * attributes, 1)
         self.linear = runtime.plane(1, shown, math.inf)
+        self._plain_albedo = False  # whether the last upload had none, and nothing was drawn since
         self.normal, self.albedo = (runtime.plane(self._images, shown) for _ in range(2))
         self.world: WorldNormals = world
         self.sides: Plane | None = None
@@ -169,12 +170,14 @@ class DeviceGBuffer:
         self.region = None
         self.has_facets = False
         self.previous_regions = [PreviousRegion() for _ in range(self.layers)]
+        plain = self._plain_albedo
         depth = np.asarray(gbuffer.depth)
         self.depth.upload(depth.reshape(self.layers, *self.whole))
         self.take_world()
         if gbuffer.normal is not None or self.attributes > 1:  # else it is never read
             self.normal_world.upload(self._layered(gbuffer.normal, 0.0))
-        self.albedo.upload(self._layered(gbuffer.albedo, 0.8))
+        if gbuffer.albedo is not None or not plain:
+            self.albedo.upload(self._layered(gbuffer.albedo, 0.8))
         self.emits = gbuffer.emission is not None
         if self.emits:
             self.emission.upload(self._layered(gbuffer.emission, 0.0))
@@ -189,14 +192,17 @@ class DeviceGBuffer:
             self._thickness.upload(thickness[None])
         self.thickness = None if thickness is None else self._thickness
         self.set_camera(gbuffer.camera)
+        self._plain_albedo = gbuffer.albedo is None
         with self.runtime.frame():
             self.derive(given=gbuffer.normal is not None)
 
     def _layered(self, array: ArrayLike | None, instead: float) -> Floats:
         """Return [3 attributes, rows, columns] of an array with or without layers."""
         if array is None:
-            return np.full((3 * self.attributes, *self.whole), instead, np.float32)
+            return np.broadcast_to(np.float32(instead), (3 * self.attributes, *self.whole))
         given = np.asarray(array).reshape(-1, *self.whole, 3)[: self.attributes]
+        if self.attributes == 1:
+            return np.moveaxis(given[0], -1, 0)  # without a copy
         planar = np.moveaxis(given, -1, 1).reshape(-1, *self.whole)
         missing = 3 * self.attributes - len(planar)
         if missing:
@@ -226,6 +232,7 @@ class DeviceGBuffer:
 
     def set_camera(self, camera: Camera) -> None:
         """Note the camera that saw the contents."""
+        self._plain_albedo = False  # it is about to be drawn
         self.camera = camera
         self.camera_struct = CAMERA.pack(camera_values(camera, self.margin))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -59,11 +60,21 @@ def detected_kind(values: NDArray[Any], camera: Camera, expected: str = "planar"
     """
     if camera.is_orthographic or min(values.shape) < 8:
         return Kind("planar", clear=False)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        given = np.where(np.isfinite(values) & (values > 0.0), values, np.nan).astype(np.float64)
-        lines = {"planar": 1.0 / given, "ray": ray_lengths(camera) / given, "inverse": given}
     step = max(round(min(values.shape) * STEP), 2)
-    bends = {name: _bends(inverse, step) for name, inverse in lines.items()}
+    # A grid of places alone: of a large image all of them would take longer than ambient occlusion.
+    stride = max(1, math.ceil(math.sqrt(values.size / MOST_SAMPLES)))
+    rows, columns = (np.arange(step, count - step, stride) for count in values.shape)
+    lengths = ray_lengths(camera)
+    inverses: dict[str, list[NDArray[np.float64]]] = {"planar": [], "ray": [], "inverse": []}
+    for down, across in ((0, 0), (0, -step), (0, step), (-step, 0), (step, 0)):
+        place = np.ix_(rows + down, columns + across)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            stored = values[place].astype(np.float64)
+            given = np.where(np.isfinite(stored) & (stored > 0.0), stored, np.nan)
+            inverses["planar"].append(1.0 / given)
+        inverses["ray"].append(lengths[place] / given)
+        inverses["inverse"].append(given)
+    bends = {name: _bends(*around) for name, around in inverses.items()}
     best, other, votes = _better(bends, "planar", "ray")
     rival, second, more = _better(bends, best, "inverse")
     if rival == "inverse" and more is not None:
@@ -73,16 +84,17 @@ def detected_kind(values: NDArray[Any], camera: Camera, expected: str = "planar"
     return Kind(best, True, float(np.median(bends[best][votes])), float(np.median(bends[other][votes])))
 
 
-def _bends(inverse: NDArray[np.float64], step: int) -> NDArray[np.float64]:
-    """Return how far each of some pixels is from the middle of two others in its row and column, relative."""
-    rows, columns = inverse.shape
-    middle = inverse[step : rows - step, step : columns - step]
-    across = inverse[step : rows - step, : columns - 2 * step] + inverse[step : rows - step, 2 * step :]
-    down = inverse[: rows - 2 * step, step : columns - step] + inverse[2 * step :, step : columns - step]
+def _bends(
+    middle: NDArray[np.float64],
+    left: NDArray[np.float64],
+    right: NDArray[np.float64],
+    above: NDArray[np.float64],
+    below: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return how far places are from the middle of two others in their row and column, relative."""
     # Both ways: an edge bends one of them alone.
-    bend = np.maximum(np.abs(across - 2.0 * middle), np.abs(down - 2.0 * middle)) / (2.0 * np.abs(middle))
-    flat = bend.ravel()
-    return flat[:: max(1, flat.size // MOST_SAMPLES)]
+    bend = np.maximum(np.abs(left + right - 2.0 * middle), np.abs(above + below - 2.0 * middle))
+    return (bend / (2.0 * np.abs(middle))).ravel()
 
 
 def _better(bends: dict[str, NDArray[np.float64]], one: str, two: str) -> tuple[str, str, NDArray[np.bool_] | None]:

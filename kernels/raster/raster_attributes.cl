@@ -72,18 +72,16 @@ raster_write(const vint triangle, const vmask there, const bool same,
     g = g * raster_at(own.y, hit);
     b = b * raster_at(own.z, hit);
 #endif
+#if RASTER_TEXTURED || RASTER_EMISSION == 2
+    const RasterTextures from = {textures, texels, decode};
+#endif
 #if RASTER_TEXTURED
     const vint texture = v_to_int(v_fetch(materials, id + 3, t.same));
-    const vmask textured = there & v_ige(texture, v_splat_int(0));
-    if (v_any(textured)) {
-        const RasterTextures from = {textures, texels, decode};
-        const RasterColor color =
-            raster_look_up(from, texture, camera, view, &t, hit, slope_x, slope_y, turned.w, own.w);
-        const vfloat one = v_splat(1.0f);
-        r = r * v_select(one, color.r, textured);
-        g = g * v_select(one, color.g, textured);
-        b = b * v_select(one, color.b, textured);
-    }
+    const RasterColor color = raster_factor(from, texture, there, camera, view, &t, hit, slope_x,
+                                            slope_y, turned.w, own.w);
+    r = r * color.r;
+    g = g * color.g;
+    b = b * color.b;
 #endif
     const float matt = view.matt;
     r = v_fma(v_fetch(materials, id + 9, t.same), v_splat(matt), r);
@@ -99,15 +97,11 @@ raster_write(const vint triangle, const vmask there, const bool same,
     }
 #if RASTER_EMISSION == 2
     const vint glowing = v_to_int(v_fetch(materials, id + 12, t.same));
-    const vmask laid = there & v_ige(glowing, v_splat_int(0));
-    if (v_any(laid)) {
-        const RasterTextures from = {textures, texels, decode};
-        const RasterColor color =
-            raster_look_up(from, glowing, camera, view, &t, hit, slope_x, slope_y, turned.w, own.w);
-        glow[0] = v_select(glow[0], glow[0] * color.r, laid);
-        glow[1] = v_select(glow[1], glow[1] * color.g, laid);
-        glow[2] = v_select(glow[2], glow[2] * color.b, laid);
-    }
+    const RasterColor shine = raster_factor(from, glowing, there, camera, view, &t, hit, slope_x,
+                                            slope_y, turned.w, own.w);
+    glow[0] = glow[0] * shine.r;
+    glow[1] = glow[1] * shine.g;
+    glow[2] = glow[2] * shine.b;
 #endif
     for (int c = 0; c < 3; ++c) {
         ssgi_store(v_select(zero, glow[c], there), emission, size, first + c, x, y, 0.0f);

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.errors import SceneError, shown
 from ssgi_cl.core.scene import Material
-from ssgi_cl.core.srgb import srgb_to_linear
+from ssgi_cl.core.srgb import mean_color, srgb_to_linear
 from ssgi_cl.rasterize.files.gltf_notes import MATERIAL_FIELDS, MEAN_OF_METAL
 from ssgi_cl.rasterize.files.metal_rough import Lobe, metal_rough_lobe
 from ssgi_cl.rasterize.files.mtl_notes import features_of
 from ssgi_cl.rasterize.files.notes import material_notes, not_drawn
-from ssgi_cl.rasterize.files.textures import TextureSet, lets_through, mean_color, rgba_of
+from ssgi_cl.rasterize.files.textures import TextureSet, lets_through, rgba_of
 from ssgi_cl.rasterize.files.trimesh_view import view_of
 from ssgi_cl.rasterize.parts import Contents, Part
 

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from ssgi_cl.core.checks import MOST_LIGHT
 from ssgi_cl.core.errors import SceneError, shown
 from ssgi_cl.core.scene import Material, Wrap
+from ssgi_cl.core.srgb import mean_color
 from ssgi_cl.rasterize.files.gltf_document import item
 from ssgi_cl.rasterize.files.gltf_schema import KTX2, Json
 from ssgi_cl.rasterize.files.metal_rough import Lobe, metal_rough_lobe, rough_lobe
-from ssgi_cl.rasterize.files.textures import TextureSet, lets_through, mean_color, read_uri
+from ssgi_cl.rasterize.files.textures import TextureSet, lets_through, read_uri
 
 _WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 """Constants of OpenGL that samplers have (glTF 2.0, 5.26)."""
@@ -95,9 +96,10 @@ class GltfMaterials:
         emission, glow = self._emission(source, index)
         glow_texture = -1
         if glow is not None:
-            if laid is None or image is None:
-                uv_set, uv_matrix = _layout(source["emissiveTexture"])
-            if _same_layout(_layout(source["emissiveTexture"]), (uv_set, uv_matrix)):
+            own = _layout(source["emissiveTexture"])
+            if image is None:
+                uv_set, uv_matrix = own
+            if _same_layout(own, (uv_set, uv_matrix)):
                 glow_texture = self.textures.add(glow, self._wrap(source["emissiveTexture"]["index"]))
             else:
                 red, green, blue = (np.array(emission) * mean_color(glow)).tolist()

@@ -14,9 +14,10 @@ from PIL import Image
 
 from ssgi_cl.core.errors import SceneError, shown
 from ssgi_cl.core.scene import Material
+from ssgi_cl.core.srgb import mean_color
 from ssgi_cl.rasterize.files.metal_rough import Lobe, metal_rough_lobe
 from ssgi_cl.rasterize.files.mtl_notes import features_of
-from ssgi_cl.rasterize.files.textures import TextureSet, mean_color
+from ssgi_cl.rasterize.files.textures import TextureSet
 
 # Options of a map statement and how many words follow each; -s, -o and -t take one to three.
 _OPTION_WORDS = {

@@ -15,7 +15,6 @@ from PIL import Image, UnidentifiedImageError
 
 from ssgi_cl.core.errors import SceneError, shown
 from ssgi_cl.core.scene import Wrap
-from ssgi_cl.core.srgb import srgb_to_linear
 
 UTF8_MARK = b"\xef\xbb\xbf"
 """Byte order mark, which editors put before a text."""
@@ -28,13 +27,6 @@ MOST_PIXELS_IN_ALL = 4 * MOST_TEXTURE_PIXELS
 
 # Without EPS and others that start foreign programs or describe several pages.
 _FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TGA", "GIF", "TIFF")
-
-
-def mean_color(texture: NDArray[np.uint8]) -> NDArray[np.float64]:
-    """Return [3] float64: the mean linear colour of an sRGB-encoded texture."""
-    linear = srgb_to_linear(np.arange(256) / 255.0)
-    counts = [np.bincount(texture[..., channel].ravel(), minlength=256) for channel in range(3)]
-    return np.array([linear @ count / count.sum() for count in counts])
 
 
 def lets_through(alpha: float, texture: NDArray[np.uint8] | None) -> bool:

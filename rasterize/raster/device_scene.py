@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.scene import WRAPS, Scene, Wrap
-from ssgi_cl.core.srgb import srgb_to_linear
+from ssgi_cl.core.srgb import BYTES
 from ssgi_cl.device.constants import START_BATCH, START_FEW
 from ssgi_cl.device.runtime import Runtime
 
@@ -77,13 +77,13 @@ class DeviceScene:
         self.textured = any(m.texture >= 0 for m in used)
         self.colored = bool((scene.colors != 1.0).any())
         self.emits = any(m.emits for m in used)
-        self.emits_textures = any(m.emits and m.emission_texture >= 0 for m in used)
+        self.emits_textures = scene.emits_by_texture
         self.glossy = any(m.is_glossy for m in used)
         self.has_cutouts = bool((cutouts >= 0).any())
         self.culls = scene.culls
 
 
-SRGB_TO_LINEAR = srgb_to_linear(np.arange(256) / 255.0).astype(np.float32)
+SRGB_TO_LINEAR = BYTES.astype(np.float32)
 _LINEAR_TO_SRGB_STEPS = 4095
 # Of each linear value in 1/4095, the byte whose linear value is nearest.
 _LINEAR_TO_SRGB = np.searchsorted(

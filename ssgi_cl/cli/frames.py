@@ -13,8 +13,9 @@ import click
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from ssgi_cl.core.errors import MissingExtraError, SequenceError
+from ssgi_cl.core.errors import SequenceError
 from ssgi_cl.io.console import checked_output, printable
+from ssgi_cl.sequences.cluster import connected
 from ssgi_cl.sequences.frame_names import FrameNames, frame_range, gaps
 from ssgi_cl.sequences.frame_result import FrameResult, FrameResults
 from ssgi_cl.sequences.map_frames import map_frames
@@ -91,7 +92,7 @@ def report_frames(
     columns = (TextColumn("frames"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with ExitStack() as stack:
         bar = stack.enter_context(Progress(*columns, console=console, disable=as_json or not console.is_terminal))
-        client = None if scheduler is None else stack.enter_context(_client(scheduler))
+        client = None if scheduler is None else stack.enter_context(connected(scheduler))
         task = bar.add_task("", total=len(inputs))
 
         def shown(finished: int, total: int, left: float) -> None:
@@ -123,17 +124,3 @@ def _summary(results: FrameResults, as_json: bool) -> None:
         click.echo(printable(f"failed: {each.name}: {each.reason}"), err=True)
     if len(results.failed) > MOST_LISTED:
         click.echo(f"and {len(results.failed) - MOST_LISTED} more", err=True)
-
-
-def _client(address: str) -> Any:
-    """Return a connection to a scheduler. SequenceError: it does not answer."""
-    try:
-        from distributed import Client
-    except ImportError as error:
-        raise MissingExtraError(
-            "--scheduler needs Dask distributed, which is not installed: pip install 'ssgi-cl[cluster]'"
-        ) from error
-    try:
-        return Client(address, timeout=10)  # type: ignore[no-untyped-call]
-    except (OSError, ValueError, TypeError) as error:
-        raise SequenceError(f"--scheduler {address} does not answer: {error}") from error

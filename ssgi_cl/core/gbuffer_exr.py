@@ -6,6 +6,9 @@ import os
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.depth_kind import planar_of
 from ssgi_cl.core.depth_maps import world_normals
@@ -36,17 +39,48 @@ def exr_arrays(
             )
     arrays, expected = files().read_with_kind(path, channels, size=camera.size, layer=layer, part=part, layout=layout)
     try:
-        arrays["depth"], kind = planar_of(
-            arrays["depth"], camera, depth_kind, expected=expected, depth_range=depth_range
-        )
+        found = interpret(arrays, camera, expected, axes, normal_space, depth_kind, depth_range)
     except ValueError as error:
-        raise ValueError(f"{name}: {error}") from None
-    arrays["notes"] = (*filter(None, [said]), *arrays["notes"], kind)
+        raise type(error)(f"{name}: {error}") from None
+    arrays["notes"] = (*filter(None, [said]), *arrays["notes"], *found)
+    return {**arrays, "camera": camera}
+
+
+def interpret(
+    arrays: dict[str, Any],
+    camera: Camera,
+    expected: str,
+    axes: NDArray[np.float64] | None,
+    normal_space: str | None,
+    depth_kind: str | None,
+    depth_range: tuple[float, float] | None,
+) -> list[str]:
+    """Make the depth of a file's arrays planar, and its normals those of the camera's world; return notes on both.
+
+    Args:
+        arrays: "depth", +inf where nothing is, and "normal" if there is one, as the file has them.
+        camera: saw them.
+        expected: kind of depth where planes do not tell, see `planar_of`.
+        axes: from the file's world to that of the camera; None where it is not known.
+        normal_space, depth_kind, depth_range: as of `GBuffer.from_exr`.
+
+    Raises:
+        ValueError: as of `planar_of` and `world_normals`; UnclearSpaceError: normals fit no space.
+    """
+    arrays["depth"], note = planar_of(arrays["depth"], camera, depth_kind, expected=expected, depth_range=depth_range)
+    notes = [note]
     if "normal" in arrays:
+        with np.errstate(invalid="ignore"):
+            depth = np.where(arrays["depth"] > 0.0, arrays["depth"], np.inf)  # holes and NaN tell nothing
+        placed = axes is not None
         try:
-            found = world_normals(arrays["normal"], arrays["depth"], camera, normal_space, known=True, axes=axes)
-            arrays |= {"normal": found[0], "notes": (*arrays["notes"], found[1])}
+            arrays["normal"], note = world_normals(
+                arrays["normal"], depth, camera, normal_space, known=placed, axes=axes if axes is not None else SAME
+            )
+            notes.append(note)
         except UnclearSpaceError as error:
             if not error.few:
-                raise type(error)(f"{name}: {error}") from None
-    return {**arrays, "camera": camera}
+                raise
+            if not placed:
+                notes.append("normals are taken for camera space: too few surfaces tell theirs")
+    return notes

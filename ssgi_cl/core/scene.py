@@ -14,7 +14,7 @@ from ssgi_cl.core.digits import place_text
 from ssgi_cl.core.immutable import Immutable, frozen
 from ssgi_cl.core.lights import Light
 from ssgi_cl.core.scene_camera import SceneCamera
-from ssgi_cl.core.srgb import srgb_to_linear
+from ssgi_cl.core.srgb import mean_color
 
 MOST_TEXELS = 2**29 - 1
 """Of all textures of a scene with their mip levels: their bytes are counted in 31 bits."""
@@ -286,10 +286,9 @@ def wrapped(coordinate: NDArray[np.float64], kind: str) -> NDArray[np.float64]:
 def mean_emission(scene: Scene, material: Material) -> NDArray[np.float64]:
     """Return the radiance [3] of a material, that of its texture's mean if it has one."""
     radiance = np.array(material.emission, np.float64)
-    if not material.emits or material.emission_texture < 0:
-        return radiance
-    texels = scene.textures[material.emission_texture][..., :3]
-    return np.asarray(radiance * srgb_to_linear(np.arange(256) / 255.0)[texels].mean(axis=(0, 1)))
+    if material.emits and material.emission_texture >= 0:
+        radiance *= mean_color(scene.textures[material.emission_texture])
+    return radiance
 
 
 def mip_texels(rows: int, columns: int) -> int:

@@ -64,11 +64,10 @@ def write(
             there twice, or a value beyond 65504, the largest half float.
         OSError: the file can't be written; the message names it.
     """
-    planes = _planes(arrays)
+    planes, own = _planes(arrays)
+    own = own if parts else {}
     rows, columns = next(iter(planes.values())).shape
     channels: dict[str, NDArray[Any]] = {name: _stored(name, plane, half=half) for name, plane in planes.items()}
-    own = {_PARTS.get(name, name): [key for key, _ in _split(name, checks.floats(name, array))]
-           for name, array in arrays.items()} if parts else {}  # fmt: skip
     if like is not None:
         size = read_headers(Path(like))[0].size
         _check_size("the arrays", next(iter(planes.values())), size, f"the data window of {os.fspath(like)}")
@@ -112,7 +111,7 @@ def add(path: str | os.PathLike[str], arrays: Mapping[str, ArrayLike]) -> None:
         FileNotFoundError, ValueError, OSError: as `read` and `write`.
         TypeError: as `write`.
     """
-    new, header_of = _planes(arrays), read_headers(Path(path))
+    new, header_of = _planes(arrays)[0], read_headers(Path(path))
     if len(header_of) > 1:
         raise ValueError(f"{os.fspath(path)} has {len(header_of)} parts: expected a file with one")
     size = header_of[0].size
@@ -178,9 +177,10 @@ def _box(window: Window) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     return np.array(window[:2], np.int32), np.array(window[2:], np.int32)
 
 
-def _planes(arrays: Mapping[str, ArrayLike]) -> dict[str, NDArray[np.float32]]:
-    """Return channel -> [rows, columns], all of one size."""
+def _planes(arrays: Mapping[str, ArrayLike]) -> tuple[dict[str, NDArray[np.float32]], dict[str, list[str]]]:
+    """Return channel -> [rows, columns], all of one size; and part -> its channels, a part for each array."""
     channels: dict[str, NDArray[np.float32]] = {}
+    parts: dict[str, list[str]] = {}
     size: tuple[int, ...] = ()
     for name, value in arrays.items():
         array = checks.floats(name, value)
@@ -192,9 +192,10 @@ def _planes(arrays: Mapping[str, ArrayLike]) -> dict[str, NDArray[np.float32]]:
             if channel in channels:
                 raise ValueError(f"{name} needs the channel {channel!r}, which is taken already")
             channels[channel] = plane
+            parts.setdefault(_PARTS.get(name, name), []).append(channel)
     if not channels:
         raise ValueError("arrays is empty: expected at least one array")
-    return channels
+    return channels, parts
 
 
 def _check_size(name: str, array: NDArray[Any], size: tuple[int, ...], what: str) -> None:

@@ -14,21 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.depth_kind import planar_of
-from ssgi_cl.core.depth_maps import world_normals
 from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.gbuffer_exr import interpret
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light
-from ssgi_cl.core.normal_space import SAME, UnclearSpaceError
+from ssgi_cl.core.normal_space import SAME
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.io import exr
+from ssgi_cl.io.console import DEFAULT_FOV
 from ssgi_cl.io.exr_header import ExrHeader, read_headers
 from ssgi_cl.rasterize.raster.default_camera import camera_from_json
 from ssgi_cl.sequences.frame_result import FrameFile
 from ssgi_cl.techniques.catalogue import CATALOGUE
 from ssgi_cl.techniques.technique import Technique
-
-ASSUMED_FOV = 50.0
-"""Degrees, vertical, of a file that says nothing of its camera."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,14 +112,18 @@ class ApplyExr:
         notes = [said, *arrays.pop("notes")]
         for number in passes.invalid:
             arrays["depth"][arrays["depth"] == np.float32(number)] = np.inf
-        notes.append(_plane(arrays, camera, passes, expected, source))
         # What the technique does not read may hold anything.
         unused = [name for name in ("albedo", "emission") if name not in self.chosen.reads]
         for name in unused if passes.normals else (*unused, "normal"):
             arrays.pop(name, None)
-        if "normal" in arrays:
-            arrays["normal"], note = _normals(arrays, camera, passes.normal_space, source, axes)
-            notes.append(note)
+        try:
+            notes += interpret(
+                arrays, camera, expected, axes, passes.normal_space, passes.depth_kind, passes.depth_range
+            )
+        except ValueError as error:
+            words = str(error).replace("normal_space", "--normals")
+            words = words.replace("depth_kind=", "--depth ").replace("depth_range=", "--depth-range ")
+            raise ValueError(f"{source}: {words}") from None
         gbuffer = GBuffer(camera=camera, nan=passes.nan, **arrays)  # type: ignore[arg-type]
         return Frame(source, gbuffer, _image(source) if self.lit else None, tuple(notes))
 
@@ -155,35 +156,6 @@ def lights_of(sky: tuple[float, ...] | None, sun: tuple[float, ...] | None) -> t
     return tuple(lights)
 
 
-def _plane(arrays: dict[str, Any], camera: Camera, passes: Passes, expected: str, source: Path) -> str:
-    """Make a file's depth planar; return a note on what it was."""
-    kind, values = passes.depth_kind, passes.depth_range
-    try:
-        arrays["depth"], note = planar_of(arrays["depth"], camera, kind, expected=expected, depth_range=values)
-    except ValueError as error:
-        words = str(error).replace("depth_kind=", "--depth ").replace("depth_range=", "--depth-range ")
-        raise ValueError(f"{source}: {words}") from None
-    return note
-
-
-def _normals(
-    arrays: dict[str, Any], camera: Camera, space: str | None, source: Path, axes: NDArray[np.float64] | None
-) -> tuple[Any, str]:
-    """Return the normals of a file in the world of the camera, and a note on what theirs was.
-
-    `axes`: from the file's world to that of the camera; None where it is not known.
-    """
-    normal, depth = arrays["normal"], arrays["depth"]
-    with np.errstate(invalid="ignore"):
-        depth = np.where(depth > 0.0, depth, np.inf)  # holes and NaN tell nothing of the space
-    try:
-        return world_normals(normal, depth, camera, space, known=axes is not None, axes=SAME if axes is None else axes)
-    except UnclearSpaceError as error:
-        if not error.few:
-            raise ValueError(f"{source}: {str(error).replace('normal_space', '--normals')}") from None
-        return normal, "normals are taken for camera space: too few surfaces tell theirs"
-
-
 def _image(path: Path) -> NDArray[np.float32]:
     """Return R, G and B of an OpenEXR file, [rows, columns, 3]."""
     with redirect_stdout(StringIO()):
@@ -211,7 +183,7 @@ def _camera(source: Path, passes: Passes) -> tuple[NDArray[np.float64] | None, C
         if found.camera is not None:
             camera, size = found.camera, header.size
             return found.axes, camera if camera.size == size else camera.cropped(*window), found.note
-        said = f"camera: {ASSUMED_FOV:g} degrees high are assumed, see --fov" + (
+        said = f"camera: {DEFAULT_FOV:g} degrees high are assumed, see --fov" + (
             f" ({found.note})" if found.note else ""
         )
         return None, _given_camera(header, passes), said
@@ -228,7 +200,7 @@ def _given_camera(header: ExrHeader, passes: Passes) -> Camera:
     elif passes.view_height is not None:
         camera = Camera.orthographic(eye, target, view_height=passes.view_height, **size)
     else:
-        yfov = math.radians(ASSUMED_FOV) if passes.yfov is None else passes.yfov
+        yfov = math.radians(DEFAULT_FOV) if passes.yfov is None else passes.yfov
         camera = Camera.look_at(eye, target, yfov=yfov, **size)
     if header.pixel_aspect != 1.0 and passes.intrinsics is None:
         stretched = np.diag([1.0 / header.pixel_aspect, 1.0, 1.0, 1.0]) @ camera.projection

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -30,12 +31,7 @@ def on_cluster(
         MissingExtraError: Dask distributed is not installed.
         SequenceError: workers have another version of the library, there are none, or the scheduler was lost.
     """
-    try:
-        from distributed import CancelledError, as_completed
-    except ImportError as error:
-        raise MissingExtraError(
-            "frames on several machines need Dask distributed, which is not installed: pip install 'ssgi-cl[cluster]'"
-        ) from error
+    distributed = _distributed()
     resources = _checked_workers(client)
     done: dict[int, FrameResult] = {}
     try:
@@ -43,11 +39,11 @@ def on_cluster(
             client.submit(_on_worker, work, source, file, pure=False, retries=retries, resources=resources): number
             for number, (source, file) in enumerate(zip(inputs, files, strict=True))
         }
-        for future in as_completed(futures):  # type: ignore[no-untyped-call]
+        for future in distributed.as_completed(futures):
             number = futures[future]
             try:
                 result = future.result()
-            except CancelledError:  # by nobody here: with the scheduler all it knew is gone
+            except distributed.CancelledError:  # by nobody here: with the scheduler all it knew is gone
                 break
             except Exception as error:
                 result = FrameResult(inputs[number], files[number], "failed", reason=reason(error))
@@ -60,6 +56,28 @@ def on_cluster(
             f"the scheduler was lost after {len(done)} of {len(inputs)} frames; the same call does the rest"
         )
     yield from (done[number] for number in range(len(inputs)))
+
+
+def connected(address: str) -> Any:
+    """Return a client of the scheduler at an address.
+
+    Raises:
+        MissingExtraError: Dask distributed is not installed.
+        SequenceError: the scheduler does not answer.
+    """
+    try:
+        return _distributed().Client(address, timeout=10)
+    except (OSError, ValueError, TypeError) as error:
+        raise SequenceError(f"the scheduler at {address} does not answer: {error}") from error
+
+
+def _distributed() -> Any:
+    try:
+        return import_module("distributed")
+    except ImportError as error:
+        raise MissingExtraError(
+            "frames on several machines need Dask distributed, which is not installed: pip install 'ssgi-cl[cluster]'"
+        ) from error
 
 
 def _checked_workers(client: Any) -> dict[str, float] | None:
@@ -83,9 +101,7 @@ def _version() -> str:
 
 def _on_worker(work: Callable[..., FrameResult], *arguments: Any) -> FrameResult:
     """Do a frame in a worker's process, on its share of the processor."""
-    from distributed import get_worker
-
-    threads = str(get_worker().state.nthreads)
+    threads = str(_distributed().get_worker().state.nthreads)
     for name in _LIMITS:  # read when PoCL is loaded, which the first frame does
         os.environ.setdefault(name, threads)
     return work(*arguments)

@@ -18,11 +18,12 @@ from numpy.typing import NDArray
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.errors import MissingExtraError
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light, SpotLight
-from ssgi_cl.core.scene import Material, Scene, Wrap
+from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.core.scene_parts import without_holes
-from ssgi_cl.core.srgb import srgb_to_linear
+from ssgi_cl.core.srgb import BYTES
 from ssgi_cl.techniques.direct.light_data import power
 from ssgi_cl.truth.emitters import Emitters
+from ssgi_cl.truth.mitsuba_textures import bitmap, glow, register_product
 from ssgi_cl.truth.phong_bsdf import PHONG, register_phong
 
 Floats = NDArray[np.float32]
@@ -153,7 +154,7 @@ class MitsubaScene:
                     each = np.atleast_1d(np.asarray(value, np.float32))
                     mesh.add_attribute(name, len(each), np.tile(each, count))
                 if emission == "attributes" and scene.emits_by_texture:
-                    mesh.add_texture_attribute(GLOW, mi.load_dict(_glow(mi, scene, material)))
+                    mesh.add_texture_attribute(GLOW, mi.load_dict(glow(mi, scene, material)))
                 parts[f"material_{index}"] = mesh
             for index, light in enumerate(lights):
                 if not isinstance(light, Environment) and power(light).any():
@@ -286,7 +287,7 @@ def _mesh(mi: Any, scene: Scene, index: int, *, emits: bool, glossy: bool, throu
     if emits:
         radiance: dict[str, Any] = {"type": "rgb", "value": list(material.emission)}
         if material.emission_texture >= 0:
-            radiance = _glow(mi, scene, material, np.array(material.emission))
+            radiance = glow(mi, scene, material, np.array(material.emission))
         properties["emitter"] = mi.load_dict({"type": "area", "radiance": radiance})
     normals = scene.normals[used]
     mesh = mi.Mesh(
@@ -362,13 +363,13 @@ def _surface(
         reflectance = {"type": "rgb", "value": color.tolist()}
     if material.texture >= 0:
         texels, wrap = scene.textures[material.texture], scene.wraps[material.texture]
-        decoded = srgb_to_linear(np.arange(256) / 255.0)[texels[..., :3]]
+        decoded = BYTES[texels[..., :3]]
         if color is not None:
-            reflectance = _bitmap(mi, decoded * color, wrap)
+            reflectance = bitmap(mi, decoded * color, wrap)
         else:
-            _register_product(mi)
+            register_product(mi)
             reflectance = {
-                "type": "ssgi_product", "first": _bitmap(mi, decoded, wrap), "second": reflectance,
+                "type": "ssgi_product", "first": bitmap(mi, decoded, wrap), "second": reflectance,
             }  # fmt: skip
     inner: dict[str, Any] = {"type": "diffuse", "reflectance": reflectance}
     if glossy and material.is_glossy:
@@ -384,86 +385,13 @@ def _surface(
         opacity: dict[str, Any] | float = material.alpha
         if material.texture >= 0 and textured_mask:
             alpha = scene.textures[material.texture][..., 3:] / 255.0
-            opacity = _bitmap(mi, alpha * material.alpha, scene.wraps[material.texture])
+            opacity = bitmap(mi, alpha * material.alpha, scene.wraps[material.texture])
         surface = {"type": "mask", "opacity": opacity, "material": surface}
     elif material.has_holes:
         alpha = scene.textures[material.texture][..., 3:] / 255.0
         scaled = alpha * (material.alpha * HOLE / material.alpha_cutoff)
-        surface = {"type": "mask", "opacity": _bitmap(mi, scaled, scene.wraps[material.texture]), "material": surface}
+        surface = {"type": "mask", "opacity": bitmap(mi, scaled, scene.wraps[material.texture]), "material": surface}
     return surface
-
-
-def _glow(mi: Any, scene: Scene, material: Material, factor: Doubles | float = 1.0) -> dict[str, Any]:
-    """Return the texture of a material's emission times a factor; white without."""
-    if material.emission_texture < 0:
-        return {"type": "rgb", "value": [1.0, 1.0, 1.0]}
-    texels = scene.textures[material.emission_texture]
-    decoded = srgb_to_linear(np.arange(256) / 255.0)[texels[..., :3]]
-    return _bitmap(mi, decoded * factor, scene.wraps[material.emission_texture])
-
-
-def _bitmap(mi: Any, values: Doubles, wrap: Wrap) -> dict[str, Any]:
-    """Return a texture of linear values, row 0 on top at v = 1; bilinear.
-
-    Mitsuba wraps both axes alike. Where they differ, coordinates are wrapped before: at the seams of the one that
-    repeats, a texel is held for half its width.
-    """
-    image = mi.Bitmap(np.ascontiguousarray(values[::-1], np.float32))  # Mitsuba's v = 0 is row 0
-    alike = wrap[0] if wrap[0] == wrap[1] else "clamp"
-    bitmap = {"type": "bitmap", "bitmap": image, "raw": True, "wrap_mode": alike}
-    if wrap[0] == wrap[1]:
-        return bitmap
-    _register_wrapped(mi)
-    return {"type": "ssgi_wrapped", "inner": bitmap, "across": wrap[0], "down": wrap[1]}
-
-
-def _register_wrapped(mi: Any) -> None:
-    class Wrapped(mi.Texture):  # type: ignore[misc]
-        """A texture whose coordinates are wrapped by a kind of their own along each axis."""
-
-        def __init__(self, properties: Any) -> None:
-            super().__init__(properties)
-            self.inner, self.kinds = properties["inner"], (properties["across"], properties["down"])
-
-        def _moved(self, si: Any) -> Any:
-            moved = mi.SurfaceInteraction3f(si)
-            moved.uv = mi.Point2f(*(self._wrapped(si.uv[i], kind) for i, kind in enumerate(self.kinds)))
-            return moved
-
-        def _wrapped(self, x: Any, kind: str) -> Any:
-            floor, least = importlib.import_module("drjit").floor, importlib.import_module("drjit").minimum
-            if kind == "mirror":
-                twice = x - 2.0 * floor(0.5 * x)
-                return least(twice, 2.0 - twice)
-            return x - floor(x) if kind == "repeat" else x
-
-        def eval(self, si: Any, active: Any = True) -> Any:
-            return self.inner.eval(self._moved(si), active)
-
-        def eval_1(self, si: Any, active: Any = True) -> Any:
-            return self.inner.eval_1(self._moved(si), active)
-
-        def is_spatially_varying(self) -> bool:
-            return True
-
-    mi.register_texture("ssgi_wrapped", Wrapped)
-
-
-def _register_product(mi: Any) -> None:
-    class Product(mi.Texture):  # type: ignore[misc]
-        """The product of two textures, which Mitsuba lacks."""
-
-        def __init__(self, properties: Any) -> None:
-            super().__init__(properties)
-            self.factors = properties["first"], properties["second"]
-
-        def eval(self, si: Any, active: Any = True) -> Any:
-            return self.factors[0].eval(si, active) * self.factors[1].eval(si, active)
-
-        def is_spatially_varying(self) -> bool:
-            return True
-
-    mi.register_texture("ssgi_product", Product)
 
 
 def _punctual_light(mi: Any, light: Light, origin: Doubles) -> dict[str, Any]:

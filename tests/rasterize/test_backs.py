@@ -1,6 +1,5 @@
 """Triangles without a back: in pictures, in maps of lights and skies, and for the rays of references."""
 
-import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +18,7 @@ from ssgi_cl.rasterize.raster import opengl
 from ssgi_cl.techniques.radiosity.surfels import scene_surfels
 
 from . import meshes
+from .loading import Gltf, written
 
 NO_BACK, BOTH = Material(double_sided=False), Material()
 FLOOR = [(-9, 0, 9), (9, 0, 9), (9, 0, -9), (-9, 0, -9)]
@@ -158,26 +158,15 @@ def test_surfels_are_on_the_sides_that_are_there() -> None:
 
 
 def test_files_say_which_backs_are_there(tmp_path: Path) -> None:
-    corners = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], "<f4").tobytes()
-    (tmp_path / "t.bin").write_bytes(corners)
-    document = {
-        "asset": {"version": "2.0"},
-        "buffers": [{"uri": "t.bin", "byteLength": len(corners)}],
-        "bufferViews": [{"buffer": 0, "byteLength": len(corners)}],
-        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}],
-        "materials": [{}, {"doubleSided": True}],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "material": number} for number in (0, 1)]}],
-        "nodes": [{"mesh": 0}],
-        "scenes": [{"nodes": [0]}],
-        "scene": 0,
-    }
-    path = tmp_path / "t.gltf"
-    path.write_text(json.dumps(document))
+    made = Gltf()
+    for sides in ({}, {"doubleSided": True}):
+        made.triangle(material=made.material(**sides))
+    path = written(tmp_path, "a.glb", made.bytes())
     wanted: list[tuple[bool | None, list[bool]]] = [(None, [False, True]), (True, [False] * 2), (False, [True] * 2)]
-    for cull, sides in wanted:
-        assert [m.double_sided for m in load_scene(path, cull=cull).materials] == sides
-    (tmp_path / "t.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
-    assert not load_scene(tmp_path / "t.obj").culls
-    assert load_scene(tmp_path / "t.obj", cull=True).culls
+    for cull, there in wanted:
+        assert [m.double_sided for m in load_scene(path, cull=cull).materials] == there
+    plain = written(tmp_path, "t.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    assert not load_scene(plain).culls
+    assert load_scene(plain, cull=True).culls
     with pytest.raises(TypeError, match="cull"):
         load_scene(path, cull="back")  # type: ignore[arg-type]

@@ -1,6 +1,5 @@
 """Textures of emission: what pixels show, what surfels and paths take of them, and what files say."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,7 @@ from ssgi_cl.rasterize.raster import opengl
 from ssgi_cl.techniques.radiosity.surfels import scene_surfels
 
 from . import meshes
-from .loading import png
+from .loading import Gltf, png, written
 from .test_texture_wraps import CAMERA, TEXELS, expected
 
 GLOW = (2.0, 3.0, 4.0)
@@ -90,43 +89,28 @@ def test_paths_see_and_are_lit_by_the_texels() -> None:
     assert lit == pytest.approx(0.25, rel=0.05)
 
 
-def written(folder: Path, **material: Any) -> Path:
-    corners = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], "<f4").tobytes() + np.zeros((3, 2), "<f4").tobytes()
-    (folder / "t.bin").write_bytes(corners)
-    (folder / "t.png").write_bytes(png(TEXELS))
-    (folder / "other.png").write_bytes(png(TEXELS[::-1]))
-    document = {
-        "asset": {"version": "2.0"},
-        "buffers": [{"uri": "t.bin", "byteLength": len(corners)}],
-        "bufferViews": [{"buffer": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 24}],
-        "accessors": [
-            {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"},
-            {"bufferView": 1, "componentType": 5126, "count": 3, "type": "VEC2"},
-        ],
-        "images": [{"uri": "t.png"}, {"uri": "other.png"}],
-        "textures": [{"source": 0}, {"source": 1}],
-        "materials": [material],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1, "TEXCOORD_1": 1}, "material": 0}]}],
-        "nodes": [{"mesh": 0}],
-        "scenes": [{"nodes": [0]}],
-        "scene": 0,
-    }
-    path = folder / "t.gltf"
-    path.write_text(json.dumps(document))
-    return path
+def loaded(folder: Path, **material: Any) -> Scene:
+    """Load a triangle with two sets of texture coordinates, of a file with two images."""
+    made = Gltf()
+    made.json["materials"] = [material]
+    uvs = made.accessor(np.zeros((3, 2)), "f4")
+    made.triangle(material=0, TEXCOORD_0=uvs, TEXCOORD_1=uvs)
+    made.json["images"] = [{"bufferView": made.view(png(texels))} for texels in (TEXELS, TEXELS[::-1])]
+    made.json["textures"] = [{"source": 0}, {"source": 1}]
+    return made.load(folder)
 
 
 def test_emission_of_gltf(tmp_path: Path) -> None:
     factor = {"emissiveFactor": [1.0, 0.5, 0.25]}
-    scene = load_scene(written(tmp_path, **factor, emissiveTexture={"index": 0}))
+    scene = loaded(tmp_path, **factor, emissiveTexture={"index": 0})
     (material,) = scene.materials
     assert material.emission == (1.0, 0.5, 0.25)
     np.testing.assert_array_equal(scene.textures[material.emission_texture], TEXELS)
     assert not scene.notes
     base = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 1}}}
-    (material,) = load_scene(written(tmp_path, **factor, **base, emissiveTexture={"index": 0})).materials
+    (material,) = loaded(tmp_path, **factor, **base, emissiveTexture={"index": 0}).materials
     assert (material.texture, material.emission_texture) == (0, 1)
-    scene = load_scene(written(tmp_path, **factor, **base, emissiveTexture={"index": 0, "texCoord": 1}))
+    scene = loaded(tmp_path, **factor, **base, emissiveTexture={"index": 0, "texCoord": 1})
     (material,) = scene.materials
     assert material.emission_texture == -1
     np.testing.assert_allclose(material.emission, LINEAR.mean(axis=(0, 1)) * (1.0, 0.5, 0.25))
@@ -135,12 +119,12 @@ def test_emission_of_gltf(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("numbers", "emission"), [("", (1.0, 1.0, 1.0)), ("Ke 2 3 4\n", GLOW)])
 def test_emission_of_mtl(tmp_path: Path, numbers: str, emission: tuple[float, ...]) -> None:
-    (tmp_path / "t.png").write_bytes(png(TEXELS))
-    (tmp_path / "t.mtl").write_text(f"newmtl a\nKd .5 .5 .5\n{numbers}map_Ke t.png\n")
-    (tmp_path / "t.obj").write_text(
-        "mtllib t.mtl\nusemtl a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n"
+    written(tmp_path, "t.png", png(TEXELS))
+    written(tmp_path, "t.mtl", f"newmtl a\nKd .5 .5 .5\n{numbers}map_Ke t.png\n")
+    path = written(
+        tmp_path, "t.obj", "mtllib t.mtl\nusemtl a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n"
     )
-    scene = load_scene(tmp_path / "t.obj")
+    scene = load_scene(path)
     (material,) = scene.used_materials
     assert material.emission == emission
     np.testing.assert_array_equal(scene.textures[material.emission_texture], TEXELS)

@@ -1,7 +1,6 @@
 """Textures beyond their edges: repeated, held and mirrored, along each axis, in pictures and in references."""
 
 import itertools
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,12 +15,11 @@ from ssgi_cl.core.lights import Environment
 from ssgi_cl.core.scene import WRAPS, Material, Scene
 from ssgi_cl.core.srgb import srgb_to_linear
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.rasterize.files.load import load_scene
 from ssgi_cl.rasterize.raster import opengl
 from ssgi_cl.techniques.radiosity.surfels import scene_surfels
 
 from . import meshes
-from .loading import png
+from .loading import Gltf, png
 
 SIZE = 60
 KINDS = list(itertools.product(WRAPS, WRAPS))
@@ -113,38 +111,20 @@ def test_paths_see_the_same_texture(wrap: tuple[str, str]) -> None:
 
 
 def test_samplers_of_gltf(tmp_path: Path) -> None:
-    corners = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], "<f4").tobytes() + np.zeros((3, 2), "<f4").tobytes()
-    (tmp_path / "t.bin").write_bytes(corners)
-    (tmp_path / "t.png").write_bytes(png(TEXELS))
-    samplers = [{"wrapS": 33071, "wrapT": 33648}, {"wrapS": 33071}, {}]
-    textures = [{"source": 0, "sampler": 0}, {"source": 0, "sampler": 1}, {"source": 0, "sampler": 2}, {"source": 0}]
-    attributes = {"POSITION": 0, "TEXCOORD_0": 1}
-    document = {
-        "asset": {"version": "2.0"},
-        "buffers": [{"uri": "t.bin", "byteLength": len(corners)}],
-        "bufferViews": [{"buffer": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 24}],
-        "accessors": [
-            {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"},
-            {"bufferView": 1, "componentType": 5126, "count": 3, "type": "VEC2"},
-        ],
-        "images": [{"uri": "t.png"}],
-        "samplers": samplers,
-        "textures": textures,
-        "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": n}}} for n in range(4)],
-        "meshes": [{"primitives": [{"attributes": attributes, "material": n} for n in range(4)]}],
-        "nodes": [{"mesh": 0}],
-        "scenes": [{"nodes": [0]}],
-        "scene": 0,
-    }
-    path = tmp_path / "t.gltf"
-    path.write_text(json.dumps(document))
-    scene = load_scene(path)
+    made = Gltf()
+    uvs = made.accessor(np.zeros((3, 2)), "f4")
+    for index in range(4):
+        material = made.material(rough={"baseColorTexture": {"index": index}})
+        made.triangle(2.0 * index, material, TEXCOORD_0=uvs)
+    made.json["images"] = [{"bufferView": made.view(png(TEXELS))}]
+    made.json["samplers"] = samplers = [{"wrapS": 33071, "wrapT": 33648}, {"wrapS": 33071}, {}]
+    made.json["textures"] = [{"source": 0, "sampler": index} for index in range(3)] + [{"source": 0}]
+    scene = made.load(tmp_path)
     wraps = [scene.wraps[material.texture] for material in scene.materials]
     assert wraps == [("clamp", "mirror"), ("clamp", "repeat"), ("repeat", "repeat"), ("repeat", "repeat")]
     samplers[0]["wrapS"] = 9729
-    path.write_text(json.dumps(document))
     with pytest.raises(SceneError, match="sampler 0 wraps by 9729: expected one of 10497, 33071, 33648"):
-        load_scene(path)
+        made.load(tmp_path)
 
 
 def test_wrong_wraps_are_refused() -> None:

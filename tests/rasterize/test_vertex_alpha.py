@@ -1,6 +1,5 @@
 """Opacities of vertices in glTF: holes, blended surfaces and their shadows."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -10,62 +9,41 @@ import pytest
 import ssgi_cl as gi
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import DirectionalLight
+from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.scene_parts import scene_parts
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.rasterize.files.load import load_scene
 
-from .loading import png
+from .loading import Gltf, png
 
 CORNERS = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, -1, 0), (1, 1, 0), (-1, 1, 0)], "<f4")
 CAMERA = Camera.orthographic((0, 0, 1), (0, 0, 0), view_height=2.0, width=40, height=40)
 
 
-def written(folder: Path, alphas: list[float], *, components: int = 4, **material: Any) -> Path:
-    """Write a square before a wall; its six corners, those of two triangles, have these opacities."""
-    colors = np.ones((6, components), "<f4")
+def square(alphas: list[float], *, components: int = 4, **material: Any) -> Gltf:
+    """Make a square before a wall; its six corners, those of two triangles, have these opacities."""
+    colors = np.ones((6, components))
     if components == 4:
         colors[:, 3] = alphas
-    uvs = (CORNERS[:, :2] + 1.0) / 2.0
-    wall = CORNERS * np.float32(3) - np.array([0, 0, 1], "<f4")
-    blocks = [CORNERS, colors, uvs.astype("<f4"), wall]
-    data = b"".join(block.tobytes() for block in blocks)
-    starts = np.cumsum([0, *(block.nbytes for block in blocks)])
-    kinds = ["VEC3", f"VEC{components}", "VEC2", "VEC3"]
-    (folder / "t.bin").write_bytes(data)
-    (folder / "t.png").write_bytes(png(np.full((2, 2, 4), 255, np.uint8)))
-    document = {
-        "asset": {"version": "2.0"},
-        "buffers": [{"uri": "t.bin", "byteLength": len(data)}],
-        "bufferViews": [
-            {"buffer": 0, "byteOffset": int(start), "byteLength": block.nbytes}
-            for start, block in zip(starts, blocks, strict=False)
-        ],
-        "accessors": [
-            {"bufferView": i, "componentType": 5126, "count": 6, "type": kind} for i, kind in enumerate(kinds)
-        ],
-        "images": [{"uri": "t.png"}],
-        "textures": [{"source": 0}],
-        "materials": [material, {"pbrMetallicRoughness": {"metallicFactor": 0}}],
-        "meshes": [
-            {
-                "primitives": [
-                    {"attributes": {"POSITION": 0, "COLOR_0": 1, "TEXCOORD_0": 2}, "material": 0},
-                    {"attributes": {"POSITION": 3}, "material": 1},
-                ]
-            }
-        ],
-        "nodes": [{"mesh": 0}],
-        "scenes": [{"nodes": [0]}],
-        "scene": 0,
+    made = Gltf()
+    made.json["materials"] = [material, {"pbrMetallicRoughness": {"metallicFactor": 0}}]
+    made.json["images"] = [{"bufferView": made.view(png(np.full((2, 2, 4), 255)))}]
+    made.json["textures"] = [{"source": 0}]
+    attributes = {
+        "POSITION": made.accessor(CORNERS, "f4"),
+        "COLOR_0": made.accessor(colors, "f4"),
+        "TEXCOORD_0": made.accessor((CORNERS[:, :2] + 1.0) / 2.0, "f4"),
     }
-    path = folder / "t.gltf"
-    path.write_text(json.dumps(document))
-    return path
+    wall = {"POSITION": made.accessor(3.0 * CORNERS - [0.0, 0.0, 1.0], "f4")}
+    made.json["meshes"][0]["primitives"] = [
+        {"attributes": attributes, "material": 0},
+        {"attributes": wall, "material": 1},
+    ]
+    return made
 
 
-def share_there(path: Path, runtime: Runtime) -> float:
+def share_there(scene: Scene, runtime: Runtime) -> float:
     """Return the share of pixels that show the square and not the wall behind it."""
-    depth = gi.rasterize.gbuffer(load_scene(path), CAMERA, runtime=runtime).depth
+    depth = gi.rasterize.gbuffer(scene, CAMERA, runtime=runtime).depth
     return float((np.asarray(depth) < 1.5).mean())
 
 
@@ -82,24 +60,24 @@ def share_there(path: Path, runtime: Runtime) -> float:
     ],
 )
 def test_holes_of_vertices(tmp_path: Path, runtime: Runtime, alphas: list[float], mode: str, share: float) -> None:
-    path = written(tmp_path, alphas, alphaMode=mode)
-    assert share_there(path, runtime) == pytest.approx(share, abs=0.03)  # a column of 40
+    scene = square(alphas, alphaMode=mode).load(tmp_path)
+    assert share_there(scene, runtime) == pytest.approx(share, abs=0.03)  # a column of 40
 
 
 def test_a_ramp_cuts_where_alpha_is_the_cutoff(tmp_path: Path, runtime: Runtime) -> None:
-    path = written(tmp_path, [0, 1, 1, 0, 1, 0], alphaMode="MASK", alphaCutoff=0.8)
-    depth = np.asarray(gi.rasterize.gbuffer(load_scene(path), CAMERA, runtime=runtime).depth)
+    scene = square([0, 1, 1, 0, 1, 0], alphaMode="MASK", alphaCutoff=0.8).load(tmp_path)
+    depth = np.asarray(gi.rasterize.gbuffer(scene, CAMERA, runtime=runtime).depth)
     np.testing.assert_array_equal(depth[20] < 1.5, (np.arange(40) + 0.5) / 40 >= 0.8)
 
 
 def test_beside_a_texture_triangles_have_their_means(tmp_path: Path, runtime: Runtime) -> None:
     textured = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}, "alphaMode": "MASK"}
-    path = written(tmp_path, [0.2, 0.3, 0.4, 1, 1, 0.9], **textured)
-    assert share_there(path, runtime) == pytest.approx(0.5, abs=0.03)
-    assert any("vertex alpha beside a texture" in note for note in load_scene(path).notes)
-    path = written(tmp_path, [0.3] * 6, **textured)
-    assert share_there(path, runtime) == 0.0
-    assert not any("vertex alpha" in note for note in load_scene(path).notes)
+    scene = square([0.2, 0.3, 0.4, 1, 1, 0.9], **textured).load(tmp_path)
+    assert share_there(scene, runtime) == pytest.approx(0.5, abs=0.03)
+    assert any("vertex alpha beside a texture" in note for note in scene.notes)
+    scene = square([0.3] * 6, **textured).load(tmp_path)
+    assert share_there(scene, runtime) == 0.0
+    assert not any("vertex alpha" in note for note in scene.notes)
 
 
 def test_blended_vertices_show_so_much_of_what_is_behind(tmp_path: Path, runtime: Runtime) -> None:
@@ -107,7 +85,7 @@ def test_blended_vertices_show_so_much_of_what_is_behind(tmp_path: Path, runtime
     black = {"pbrMetallicRoughness": {"baseColorFactor": [0, 0, 0, 1], "metallicFactor": 0}, "alphaMode": "BLEND"}
     light = DirectionalLight((0, 0, -1), 3.0)
     for alphas in ([0.25] * 6, [0.1, 0.3, 0.3, 0.1, 0.3, 0.1]):
-        scene = load_scene(written(tmp_path, alphas, **black))
+        scene = square(alphas, **black).load(tmp_path)
         assert scene.is_seen_through
         frame = gi.render(scene, CAMERA, [light], bounces=0, ao=False, outputs=("radiance",), runtime=runtime)
         traced = gi.truth.radiance(scene, CAMERA, [light], paths=256, bounces=0).mean
@@ -120,10 +98,10 @@ def test_blended_vertices_show_so_much_of_what_is_behind(tmp_path: Path, runtime
 
 
 def test_what_is_cut_out_reflects_no_light(tmp_path: Path) -> None:
-    scene = load_scene(written(tmp_path, [0.3] * 6, alphaMode="MASK"))
+    scene = square([0.3] * 6, alphaMode="MASK").load(tmp_path)
     assert len(scene.triangles) == 4
     assert len(scene_parts(scene).casting.triangles) == 2
 
 
 def test_three_components_are_opaque(tmp_path: Path, runtime: Runtime) -> None:
-    assert share_there(written(tmp_path, [], components=3, alphaMode="MASK"), runtime) == 1.0
+    assert share_there(square([], components=3, alphaMode="MASK").load(tmp_path), runtime) == 1.0

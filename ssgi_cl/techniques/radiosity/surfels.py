@@ -11,15 +11,13 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.sampling import r_points
 from ssgi_cl.core.scene import Scene, mean_emission, wrapped
-from ssgi_cl.core.srgb import srgb_to_linear
+from ssgi_cl.core.srgb import BYTES
 from ssgi_cl.core.vpls import PARTS
 
 Doubles = NDArray[np.float64]
 
 CURVE_BITS = 10
 """Bits of each coordinate along the Hilbert curve."""
-
-_DECODE = srgb_to_linear(np.arange(256) / 255.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,22 +178,20 @@ def _points(scene: Scene, count: int, shares: TriangleShares) -> tuple[Any, ...]
 
     ids = scene.material_ids[triangle]
     albedo = np.array([m.albedo for m in scene.materials])[ids] * np.clip(mixed(scene.colors), 0.0, None)
+    emission = np.array([m.emission for m in scene.materials])[ids]
     there = np.ones(count, np.bool_)
     uvs = mixed(scene.uvs)
     for index in np.unique(ids):
         material, own = scene.materials[index], ids == index
         if material.texture >= 0:
             texels = _nearest(scene, material.texture, uvs[own])
-            albedo[own] *= _DECODE[texels[:, :3]]
+            albedo[own] *= BYTES[texels[:, :3]]
             if material.has_holes:
                 there[own] = texels[:, 3] / 255.0 * material.alpha >= material.alpha_cutoff
+        if material.emits and material.emission_texture >= 0:
+            emission[own] *= BYTES[_nearest(scene, material.emission_texture, uvs[own])[:, :3]]
     # What lobes reflect goes every way.
     albedo += np.array([m.specular for m in scene.materials])[ids]
-    emission = np.array([m.emission for m in scene.materials])[ids]
-    for index in np.unique(ids):
-        material, own = scene.materials[index], ids == index
-        if material.emits and material.emission_texture >= 0:
-            emission[own] *= _DECODE[_nearest(scene, material.emission_texture, uvs[own])[:, :3]]
     cross = np.stack(_cross(scene, triangle), axis=1)
     double = np.sqrt(np.einsum("nc,nc->n", cross, cross))
     area = total / count / shares.density[triangle]

@@ -65,6 +65,9 @@ __kernel void ssao(ssgi_plane depth, ssgi_plane normal, __global const float *re
                               size.y + params.margin_top + params.margin_bottom);
     const int at_x = x + params.margin_left;
     const int at_y = y + params.margin_top;
+    // The arrays may hold a band of the image's rows.
+    const int above = (int)camera.rows_above;
+    const float rows = (float)(whole.y + above + (int)camera.rows_below);
     const vfloat zero = v_splat(0.0f);
     const vfloat own = ssgi_load(depth, whole, 0, at_x, at_y);
     const vmask there = v_lt(own, v_splat(INFINITY));
@@ -128,11 +131,12 @@ __kernel void ssao(ssgi_plane depth, ssgi_plane normal, __global const float *re
             const vmask visible = v_gt(qz, z * 0.001f);
             const vfloat inverse_k = 1.0f / ssgi_k(camera, v_max(qz, z * 0.001f));
             const vfloat column = ssgi_column(camera, v_fma(radius, sx, px) * inverse_k);
-            const vfloat row = ssgi_row(camera, v_fma(radius, sy, py) * inverse_k);
+            const vfloat row = ssgi_image_row(camera, v_fma(radius, sy, py) * inverse_k);
             const vmask inside = v_ge(column, zero) & v_lt(column, v_splat((float)whole.x)) &
-                                 v_ge(row, zero) & v_lt(row, v_splat((float)whole.y));
+                                 v_ge(row, zero) & v_lt(row, v_splat(rows));
             const vint column_at = v_to_int(v_clamp(column, 0.0f, (float)(whole.x - 1)));
-            const vint row_at = v_to_int(v_clamp(row, 0.0f, (float)(whole.y - 1)));
+            const vint row_at =
+                v_iclamp(v_to_int(v_clamp(row, 0.0f, rows)) - above, 0, whole.y - 1);
             vfloat seen = ssgi_gather(depth, whole, 0, column_at, row_at);
             vmask counts = visible & v_ilt(v_splat_int(i), count);
 #if SSAO_OUTSIDE == 0

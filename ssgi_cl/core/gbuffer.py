@@ -17,6 +17,7 @@ from ssgi_cl.core.array_kinds import ArrayKind, array_kind
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.depth_maps import read_depth
 from ssgi_cl.core.formats import files
+from ssgi_cl.core.gbuffer_band import Band
 from ssgi_cl.core.gbuffer_batch import GBufferBatch
 from ssgi_cl.core.gbuffer_exr import exr_arrays
 from ssgi_cl.core.immutable import Immutable, frozen
@@ -94,6 +95,8 @@ class GBuffer:
     margin: tuple[int, int] = field(init=False)
     """(rows, columns) by which the arrays exceed the camera's image on every side."""
     array_kind: ArrayKind | None = field(init=False, default=None)
+    band: Band | None = field(init=False, default=None)
+    """Where these rows lie in a larger image, if they do; see `gbuffer_band`."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.camera, Camera):

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import Floats, GBuffer
+from ssgi_cl.core.gbuffer_band import Band
 from ssgi_cl.device.active_region import PreviousRegion, Region
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.runtime import Runtime
@@ -55,6 +56,7 @@ class DeviceGBuffer:
             known.
         traces: of what was drawn into each layer.
         camera: the camera of the current contents; `camera_struct` is what kernels get.
+        band: where these rows lie in a larger image, if they do.
     """
 
     def __init__(
@@ -94,6 +96,7 @@ class DeviceGBuffer:
         self.thickness: Plane | None = None
         self._thickness: Plane | None = None
         self.camera: Camera | None = None
+        self.band: Band | None = None
         self.camera_struct: Any = None
 
     @property
@@ -191,7 +194,7 @@ class DeviceGBuffer:
             self._thickness = self._thickness or self.runtime.plane(1, self.whole)
             self._thickness.upload(thickness[None])
         self.thickness = None if thickness is None else self._thickness
-        self.set_camera(gbuffer.camera)
+        self.set_camera(gbuffer.camera, gbuffer.band)
         self._plain_albedo = gbuffer.albedo is None
         with self.runtime.frame():
             self.derive(given=gbuffer.normal is not None)
@@ -230,11 +233,17 @@ class DeviceGBuffer:
         view.facing = -1.0 if back else 1.0
         return view
 
-    def set_camera(self, camera: Camera) -> None:
-        """Note the camera that saw the contents."""
+    def set_camera(self, camera: Camera, band: Band | None = None) -> None:
+        """Note the camera that saw the contents, and where they lie in a larger image."""
         self._plain_albedo = False  # it is about to be drawn
         self.camera = camera
-        self.camera_struct = CAMERA.pack(camera_values(camera, self.margin))
+        self.band = band
+        if band is None:
+            values = camera_values(camera, self.margin)
+        else:
+            below = band.rows - band.first - self.whole[0]
+            values = camera_values(band.camera, band.margin, band.first, below)
+        self.camera_struct = CAMERA.pack(values)
 
     def derive(self, *, given: bool = True) -> None:
         """Queue the pass that makes `linear` and `normal` from `depth` and `normal_world`."""

@@ -55,8 +55,9 @@ def ints(*names: str) -> tuple[tuple[str, str], ...]:
 
 CAMERA = Struct(
     "SsgiCamera",
-    floats(
-        "to_x", "at_x", "to_y", "at_y", "from_x", "centre_x", "from_y", "centre_y", "perspective", "tolerance_depth"
+    (
+        *floats("to_x", "at_x", "to_y", "at_y", "from_x", "centre_x", "from_y", "centre_y"),
+        *floats("perspective", "tolerance_depth", "rows_above", "rows_below"),
     ),
 )
 
@@ -70,8 +71,13 @@ def rotation_values(matrix: NDArray[np.float64]) -> dict[str, float]:
     return dict(zip(ROTATION, matrix.ravel().tolist(), strict=True))
 
 
-def camera_values(camera: Camera, margin: tuple[int, int] = (0, 0)) -> dict[str, float]:
-    """Return the members of SsgiCamera for arrays with `margin` = (rows, columns) on every side."""
+def camera_values(
+    camera: Camera, margin: tuple[int, int] = (0, 0), rows_above: int = 0, rows_below: int = 0
+) -> dict[str, float]:
+    """Return the members of SsgiCamera for arrays with `margin` = (rows, columns) on every side.
+
+    Of a band of rows of these arrays, `rows_above` and `rows_below` are the others.
+    """
     to_x, to_y, at_x, at_y = camera.pixel_to_view
     at_x, at_y = at_x - to_x * margin[1], at_y - to_y * margin[0]
     return {
@@ -85,4 +91,6 @@ def camera_values(camera: Camera, margin: tuple[int, int] = (0, 0)) -> dict[str,
         "centre_y": -at_y / to_y,
         "perspective": 0.0 if camera.is_orthographic else 1.0,
         "tolerance_depth": camera.view_height if camera.is_orthographic else 0.0,
+        "rows_above": float(rows_above),
+        "rows_below": float(rows_below),
     }

@@ -22,7 +22,7 @@ def sensible_radius(gbuffer: GBuffer | DeviceGBuffer, radius: Any = None) -> Any
         camera, depth = _seen(gbuffer)
         extent = seen_extent(camera, sparse(depth))
         return RADIUS_SHARE * extent if math.isfinite(extent) else 1.0
-    if isinstance(gbuffer, GBuffer):
+    if isinstance(gbuffer, GBuffer) and gbuffer.band is None:
         camera, depth = _seen(gbuffer)
         for each in radius if isinstance(radius, tuple) else (radius,):
             warn_of_radius(each, camera, depth)

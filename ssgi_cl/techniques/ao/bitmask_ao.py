@@ -15,7 +15,9 @@ from ssgi_cl.core.params import param, with_fields_described
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.techniques.ao.occlusion import made_for
-from ssgi_cl.techniques.ao.slices import PRESET_LAYERS, TUNABLE, SliceKeywords, SliceParams, SliceTechnique
+from ssgi_cl.techniques.ao.occlusion_bands import occlusion_plan
+from ssgi_cl.techniques.ao.slices import PRESET_LAYERS, TUNABLE, SliceKeywords, SliceParams, SliceTechnique, slice_reach
+from ssgi_cl.techniques.bands import banded
 from ssgi_cl.techniques.filters.bilateral import BilateralParams
 from ssgi_cl.techniques.technique import Bench, Technique
 
@@ -124,6 +126,7 @@ class BitmaskAo(SliceTechnique[BitmaskParams]):
         return {"thickness": self.params.thickness, "slack": self.params.slack}
 
 
+@banded(occlusion_plan(BitmaskAo, slice_reach))
 @with_fields_described(BitmaskParams)
 @serialised
 def bitmask_ao(
@@ -135,6 +138,7 @@ def bitmask_ao(
     preset: Preset | None = None,
     error: float | None = None,
     budget_ms: float | None = None,
+    max_memory: int | None = None,
     runtime: Runtime | None = None,
     **params: Unpack[BitmaskKeywords],
 ) -> NDArray[np.float32]:
@@ -155,6 +159,8 @@ def bitmask_ao(
             from. "low", "medium", "high" or "ultra"; the greatest RMSE against cast rays, > 0; the
             longest device time of a picture in ms, > 0. See `ssgi_cl.choose`. By default the
             defaults of `BitmaskParams`.
+        max_memory: most bytes of device memory; where the image needs more, it is computed in bands of rows, with the
+            same bits. By default all that the device has.
         runtime: the device; by default the fastest found.
         **params: the other fields of `BitmaskParams`.
 

@@ -20,7 +20,9 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.techniques.ao.bent_normals import BentNormals
 from ssgi_cl.techniques.ao.occlusion import made_for
-from ssgi_cl.techniques.ao.slices import PRESET_LAYERS, TUNABLE, SliceKeywords, SliceParams, SliceTechnique
+from ssgi_cl.techniques.ao.occlusion_bands import occlusion_plan
+from ssgi_cl.techniques.ao.slices import PRESET_LAYERS, TUNABLE, SliceKeywords, SliceParams, SliceTechnique, slice_reach
+from ssgi_cl.techniques.bands import banded
 from ssgi_cl.techniques.technique import Bench, Technique
 
 
@@ -122,6 +124,7 @@ def gtao(
     preset: Preset | None = ...,
     error: float | None = ...,
     budget_ms: float | None = ...,
+    max_memory: int | None = ...,
     runtime: Runtime | None = ...,
     **params: Unpack[GtaoKeywords],
 ) -> NDArray[np.float32]: ...
@@ -136,9 +139,11 @@ def gtao(
     preset: Preset | None = ...,
     error: float | None = ...,
     budget_ms: float | None = ...,
+    max_memory: int | None = ...,
     runtime: Runtime | None = ...,
     **params: Unpack[GtaoKeywords],
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...
+@banded(occlusion_plan(Gtao, slice_reach))
 @with_fields_described(GtaoParams)
 @serialised
 def gtao(
@@ -151,6 +156,7 @@ def gtao(
     preset: Preset | None = None,
     error: float | None = None,
     budget_ms: float | None = None,
+    max_memory: int | None = None,
     runtime: Runtime | None = None,
     **params: Unpack[GtaoKeywords],
 ) -> NDArray[np.float32] | tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -174,6 +180,8 @@ def gtao(
             from. "low", "medium", "high" or "ultra"; the greatest RMSE against cast rays, > 0; the
             longest device time of a picture in ms, > 0. See `ssgi_cl.choose`. By default the
             defaults of `GtaoParams`.
+        max_memory: most bytes of device memory; where the image needs more, it is computed in bands of rows, with the
+            same bits. By default all that the device has.
         runtime: the device; by default the fastest found.
         **params: the other fields of `GtaoParams`.
 

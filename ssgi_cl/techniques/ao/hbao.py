@@ -16,7 +16,9 @@ from ssgi_cl.core.params import param, with_fields_described
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.techniques.ao.occlusion import made_for
-from ssgi_cl.techniques.ao.slices import PRESET_LAYERS, TUNABLE, SliceKeywords, SliceParams, SliceTechnique
+from ssgi_cl.techniques.ao.occlusion_bands import occlusion_plan
+from ssgi_cl.techniques.ao.slices import PRESET_LAYERS, TUNABLE, SliceKeywords, SliceParams, SliceTechnique, slice_reach
+from ssgi_cl.techniques.bands import banded
 from ssgi_cl.techniques.technique import Bench, Technique
 
 
@@ -75,6 +77,7 @@ class Hbao(SliceTechnique[HbaoParams]):
         }
 
 
+@banded(occlusion_plan(Hbao, slice_reach))
 @with_fields_described(HbaoParams)
 @serialised
 def hbao(
@@ -86,6 +89,7 @@ def hbao(
     preset: Preset | None = None,
     error: float | None = None,
     budget_ms: float | None = None,
+    max_memory: int | None = None,
     runtime: Runtime | None = None,
     **params: Unpack[HbaoKeywords],
 ) -> NDArray[np.float32]:
@@ -106,6 +110,8 @@ def hbao(
             from. "low", "medium", "high" or "ultra"; the greatest RMSE against cast rays, > 0; the
             longest device time of a picture in ms, > 0. See `ssgi_cl.choose`. By default the
             defaults of `HbaoParams`.
+        max_memory: most bytes of device memory; where the image needs more, it is computed in bands of rows, with the
+            same bits. By default all that the device has.
         runtime: the device; by default the fastest found.
         **params: the other fields of `HbaoParams`.
 

@@ -10,17 +10,19 @@ from typing import Any, ClassVar, Generic, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.params import Prepared, param
 from ssgi_cl.core.sampling import TILE_ORDER
 from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size, plane_bytes
-from ssgi_cl.device.constants import SLICES_GROUP, SLICES_STRIP
+from ssgi_cl.device.constants import SLICES_GROUP, SLICES_NEAREST_TAP, SLICES_STRIP
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats, ints
 from ssgi_cl.device.transient import ImageParts, Target
 from ssgi_cl.techniques.ao.occlusion import RESOLUTIONS, OcclusionKeywords, OcclusionParams, OcclusionTechnique
+from ssgi_cl.techniques.ao.occlusion_bands import pixels_per_depth, widest_ray
 from ssgi_cl.techniques.filters.upsample import coarse_size
 from ssgi_cl.techniques.source import Source, border_values
 
@@ -382,3 +384,11 @@ def check_shape(gbuffer: DeviceGBuffer, size: Size, margin: Size, layers: int) -
 def _ortho_unit(camera: Any, step: int) -> float:
     """Return 1 / the width of every `step`-th of a camera's pixels, per scene unit."""
     return abs(float(camera["from_x"])) / step
+
+
+def slice_reach(params: SliceParams, camera: Camera, layers: int, nearest: float) -> float:
+    """Return how many rows away the taps of a receiver lie at most, at a depth of at least `nearest`."""
+    pixels = min(params.radius * pixels_per_depth(camera, nearest), params.max_radius_px)
+    taps = params.in_front_of(layers).taps
+    farthest: float = max(1.0, (taps + params.overshoot) / taps) ** params.tap_power
+    return farthest * pixels * widest_ray(camera) + SLICES_NEAREST_TAP + 1.0

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core import checks
+from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.names import Preset
 from ssgi_cl.core.params import param, with_fields_described
@@ -21,6 +22,8 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, Struct, floats, ints
 from ssgi_cl.techniques.ao.occlusion import OcclusionKeywords, OcclusionParams, OcclusionTechnique, made_for
+from ssgi_cl.techniques.ao.occlusion_bands import occlusion_plan, pixels_per_depth, widest_ray
+from ssgi_cl.techniques.bands import banded
 from ssgi_cl.techniques.radius import sensible_radius
 from ssgi_cl.techniques.source import Source, border_values, check_size
 from ssgi_cl.techniques.technique import Bench, Technique
@@ -267,6 +270,20 @@ class Ssao(OcclusionTechnique):
         )
 
 
+def ssao_reach(params: SsaoParams, camera: Camera, layers: int, nearest: float) -> float:
+    """Return how many rows away the points of a receiver are seen at most, at a depth of at least `nearest`.
+
+    A point that is nearer to the eye than the receiver is seen farther out.
+    """
+    radii = params.radius if isinstance(params.radius, tuple) else (params.radius,)
+    pixels = min(max(radii) * pixels_per_depth(camera, nearest), params.max_radius_px)
+    if camera.is_orthographic:
+        return pixels + 1.0
+    share = pixels / pixels_per_depth(camera, 1.0)  # of the depth
+    return pixels * widest_ray(camera) / (1.0 - share) + 1.0 if share < 1.0 else math.inf
+
+
+@banded(occlusion_plan(Ssao, ssao_reach))
 @with_fields_described(SsaoParams)
 @serialised
 def ssao(
@@ -277,6 +294,7 @@ def ssao(
     preset: Preset | None = None,
     error: float | None = None,
     budget_ms: float | None = None,
+    max_memory: int | None = None,
     runtime: Runtime | None = None,
     **params: Unpack[SsaoKeywords],
 ) -> NDArray[np.float32]:
@@ -297,6 +315,8 @@ def ssao(
             from. "low", "medium", "high" or "ultra"; the greatest RMSE against cast rays, > 0; the
             longest device time of a picture in ms, > 0. See `ssgi_cl.choose`. By default the
             defaults of `SsaoParams`.
+        max_memory: most bytes of device memory; where the image needs more, it is computed in bands of rows, with the
+            same bits. By default all that the device has.
         runtime: the device; by default the fastest found.
         **params: the other fields of `SsaoParams`.
 

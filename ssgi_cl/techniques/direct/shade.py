@@ -18,6 +18,7 @@ from ssgi_cl.device.arrays import DeviceArray, Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, floats, ints, rotation_values
+from ssgi_cl.techniques.bands import banded, fixed_plan
 from ssgi_cl.techniques.direct.ambient import Ambient
 from ssgi_cl.techniques.direct.light_data import PunctualLights, ShadowMap
 from ssgi_cl.techniques.direct.shadow_maps import checked_lights, uploaded_maps
@@ -27,6 +28,10 @@ from ssgi_cl.techniques.technique import Bench, Technique
 COMBINE = Struct(
     "CombineParams", (*floats(*ROTATION), *ints("sky_columns", "sky_rows", "margin_columns", "margin_rows"))
 )
+
+
+LOBE_ROWS = 4
+"""Rows on either side of a pixel that facets and widened lobes look at, at most."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -198,6 +203,7 @@ class Shade(Prepared[ShadeParams]):
         self._environments = environments
 
 
+@banded(fixed_plan(LOBE_ROWS, images={"ao": 1, "indirect": 1}))
 @serialised
 def shade(
     gbuffer: GBuffer | DeviceGBuffer,
@@ -208,6 +214,7 @@ def shade(
     indirect: ArrayLike | None = None,
     multi_bounce: bool = False,
     indirect_ao: bool = False,
+    max_memory: int | None = None,
     runtime: Runtime | None = None,
 ) -> NDArray[np.float32]:
     """Compute radiance from a G-buffer: direct light with shadows, ambient light, emission.
@@ -231,6 +238,7 @@ def shade(
         multi_bounce: whether A is brightened by the surface's albedo, see `multi_bounce`.
         indirect_ao: whether A, as it is, dims `indirect` too: a stand-in for walls that bounced
             light doesn't know of. Where it does know of them, they would count twice.
+        max_memory: as of `gtao`.
         runtime: the device; by default the fastest found.
 
     Returns:

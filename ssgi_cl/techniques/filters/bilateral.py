@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TypedDict, Unpack
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +19,7 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.device.transient import Target, background_of
+from ssgi_cl.techniques.bands import Plan, banded
 from ssgi_cl.techniques.source import Source, margin_values
 from ssgi_cl.techniques.technique import Bench, Technique
 
@@ -190,12 +192,20 @@ def plane_image(planes: NDArray[np.float32]) -> NDArray[np.float32]:
     return planes[0] if len(planes) == 1 else np.ascontiguousarray(np.moveaxis(planes, 0, -1))
 
 
+def _plan(gbuffer: GBuffer, runtime: Runtime, arguments: Mapping[str, Any]) -> Plan:
+    given = {name: value for name, value in arguments.items() if name != "image"}
+    params = BilateralParams(**given)
+    return Plan(arguments, params.radius * params.passes, images={"image": 1})
+
+
+@banded(_plan)
 @with_fields_described(BilateralParams)
 @serialised
 def bilateral_blur(
     image: ArrayLike,
     gbuffer: GBuffer | DeviceGBuffer,
     *,
+    max_memory: int | None = None,
     runtime: Runtime | None = None,
     **params: Unpack[BilateralKeywords],
 ) -> NDArray[np.float32]:
@@ -209,6 +219,7 @@ def bilateral_blur(
     Args:
         image: [rows, columns] or [rows, columns, 3] float32 of the G-buffer's size, finite.
         gbuffer: whose depth and normals tell where the edges are.
+        max_memory: as of `gtao`.
         runtime: the device; by default the fastest found.
         **params: the fields of `BilateralParams`.
 

@@ -14,12 +14,16 @@ from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.device.active_region import Region, copy_region
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.runtime import Runtime, serialised
+from ssgi_cl.techniques.bands import LEAST_MEMORY, MOST_MEMORY
 from ssgi_cl.techniques.technique import Bench, Technique
 
 CURVES = get_args(Curve)
 MIDDLE_GREY = 0.18
 LARGEST_EXPOSURE = 1e30
 """Greater ones count as this one, which is finite in float32."""
+
+PIXEL_BYTES = 32
+"""Of device memory for a pixel, three floats in and three numbers out, and room."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,6 +145,7 @@ def tonemap(
     exposure: float | None = None,
     curve: Curve = "filmic",
     bits: int = 8,
+    max_memory: int | None = None,
     runtime: Runtime | None = None,
 ) -> NDArray[Any]:
     """Turn linear radiance into an sRGB picture.
@@ -154,6 +159,7 @@ def tonemap(
         exposure: factor before the curve, > 0; by default the log-average luminance becomes 0.18.
         curve: "filmic" (Narkowicz 2015) or "clip" (only what exceeds 1 is cut).
         bits: 8 or 16, of each channel.
+        max_memory: as of `gtao`; the automatic exposure is that of the whole image.
         runtime: the device; by default the fastest found.
 
     Returns:
@@ -169,6 +175,15 @@ def tonemap(
     factor = auto_exposure(values) if params.exposure is None else params.exposure
     device = runtime or Runtime.open()
     size = values.shape[:2]
+    if max_memory is not None:
+        rows = checks.integer("max_memory", max_memory, low=LEAST_MEMORY, high=MOST_MEMORY, unit="bytes")
+        rows = max(rows // (PIXEL_BYTES * (size[1] + 32)), 1)
+        if rows < size[0]:
+            starts = range(0, size[0], rows)
+            parts = [
+                tonemap(values[i : i + rows], exposure=factor, curve=curve, bits=bits, runtime=device) for i in starts
+            ]
+            return np.concatenate(parts)
     technique, plane = device.prepared(
         (Tonemap, size, params.shape()), lambda: (Tonemap(device, size, params), device.plane(3, size))
     )

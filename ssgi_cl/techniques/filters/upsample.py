@@ -19,6 +19,7 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, Struct, floats, ints
 from ssgi_cl.device.transient import Target
+from ssgi_cl.techniques.bands import Plan, banded
 from ssgi_cl.techniques.filters.bilateral import BilateralParams, image_planes, plane_image
 from ssgi_cl.techniques.source import Source, margin_values
 from ssgi_cl.techniques.technique import Bench, Technique
@@ -106,6 +107,11 @@ class ReducedGBuffer:
             struct[f"to_{axis}"] = to * self.step
             struct[f"from_{axis}"] = 1.0 / (to * self.step)
             struct[f"centre_{axis}"] = -float(struct[f"at_{axis}"]) / (to * self.step)
+        band = gbuffer.band
+        if band is not None:
+            rows = coarse_size(band.camera.size, self.step)[0] + 2 * (band.margin[0] // self.step)
+            struct["rows_above"] = band.first // self.step
+            struct["rows_below"] = rows - band.first // self.step - self.whole[0]
         self.camera_struct = struct
 
     @property
@@ -288,6 +294,12 @@ def _packed(reduced: Source, gbuffer: DeviceGBuffer, scales: Mapping[str, float]
     )
 
 
+def _plan(gbuffer: GBuffer, runtime: Runtime, arguments: Mapping[str, Any]) -> Plan:
+    step = UpsampleParams(step=arguments.get("step", 2)).step
+    return Plan(arguments, 2 * step, images={"image": step})
+
+
+@banded(_plan)
 @serialised
 def upsample(
     image: ArrayLike,
@@ -297,6 +309,7 @@ def upsample(
     background: float = 0.0,
     depth_sigma: float = 0.005,
     normal_sigma: float = 0.3,
+    max_memory: int | None = None,
     runtime: Runtime | None = None,
 ) -> NDArray[np.float32]:
     """Bring an image of half or quarter size to the size of the G-buffer, along surfaces.
@@ -314,6 +327,7 @@ def upsample(
         depth_sigma: standard deviation of the distance from the tangent plane, relative to depth
             (orthographic cameras: to the height of the view).
         normal_sigma: standard deviation of the angle between normals, radians.
+        max_memory: as of `gtao`.
         runtime: the device; by default the fastest found.
 
     Returns:

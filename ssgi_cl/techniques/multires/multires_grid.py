@@ -119,7 +119,10 @@ class Points:
     def update(self, fine: Source) -> None:
         """Queue the pass that picks the pixels."""
         struct = fine.camera_struct.copy()
-        for axis, margin in (("x", fine.margin[1]), ("y", fine.margin[0])):
+        band = getattr(fine, "band", None)
+        rows = fine.margin[0] if band is None else band.margin[0]
+        struct["rows_above"] = (float(struct["rows_above"]) + fine.margin[0] - rows) / 2
+        for axis, margin in (("x", fine.margin[1]), ("y", rows)):
             # Centre of point i, at i + 0.5, is the centre of fine pixel margin + 2 i.
             to = float(struct[f"to_{axis}"])
             struct[f"at_{axis}"] = float(struct[f"at_{axis}"]) + to * (margin - 0.5)

@@ -21,6 +21,7 @@ from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.rasterize.raster.device_scene import DeviceScene
 from ssgi_cl.rasterize.raster.view import device_scene
+from ssgi_cl.techniques.bands import banded
 from ssgi_cl.techniques.methods import Method, chosen_params
 from ssgi_cl.techniques.multires.multires_grid import MultiresGrid, MultiresGridParams
 from ssgi_cl.techniques.multires.multires_published import MultiresPublished, MultiresPublishedParams
@@ -37,6 +38,7 @@ from ssgi_cl.techniques.vpl.vpl_light import (
     camera_of,
     cutoff_param,
     importance_param,
+    lights_plan,
     lit_by_maps,
     refine_param,
 )
@@ -258,6 +260,7 @@ METHODS: dict[str, Method] = dict(
 """The first is the default."""
 
 
+@banded(lights_plan)
 @with_fields_described(MultiresSplatParams, MultiresPublishedParams)
 @serialised
 def multires_splat(
@@ -268,6 +271,7 @@ def multires_splat(
     *,
     scene: Scene | None = None,
     method: MultiresMethod = "adaptive",
+    max_memory: int | None = None,
     runtime: Runtime | None = None,
     **params: Unpack[MultiresSplatKeywords],
 ) -> NDArray[np.float32]:
@@ -290,6 +294,8 @@ def multires_splat(
         method: "adaptive", or "published" for subsplats found by geometry alone.
         scene: with `visibility`, the triangles that block light, seen or not; by default what the
             G-buffer and the maps show does.
+        max_memory: as of `gtao`; lights are then chosen without `importance`, `visibility` needs `scene`, and
+            each band is held to the errors by itself.
         runtime: the device; by default the fastest found.
         **params: the other fields of `MultiresSplatParams` or, with method "published", of
             `MultiresPublishedParams`.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypedDict, Unpack
 
@@ -20,6 +20,7 @@ from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, floats, ints, rotation_values
 from ssgi_cl.device.transient import Target
 from ssgi_cl.rasterize.raster.view import device_scene
+from ssgi_cl.techniques.bands import Plan, banded
 from ssgi_cl.techniques.direct.light_data import BRIGHTEST, PunctualLights, ShadowMap
 from ssgi_cl.techniques.direct.shadow_maps import checked_lights, uploaded_maps
 from ssgi_cl.techniques.occupancy.occupancy_grid import Occupancy, OccupancyGrid
@@ -194,6 +195,13 @@ class Reflections(Prepared[ReflectionsParams]):
         )
 
 
+def _plan(gbuffer: GBuffer, runtime: Runtime, arguments: Mapping[str, Any]) -> Plan:
+    # The rays of a pixel, and of those whose mean it has.
+    rows = arguments.get("steps", ReflectionsParams().steps) + 4 * STRIDE
+    return Plan(arguments, rows, images={"radiance": 1, "irradiance": 1})
+
+
+@banded(_plan)
 @with_fields_described(ReflectionsParams)
 @serialised
 def reflections(
@@ -205,6 +213,7 @@ def reflections(
     shadow_maps: Sequence[ReflectiveShadowMap | None] | None = None,
     irradiance: ArrayLike | None = None,
     radiosity: RadiosityParams | None = None,
+    max_memory: int | None = None,
     runtime: Runtime | None = None,
     **params: Unpack[ReflectionsKeywords],
 ) -> NDArray[np.float32]:
@@ -224,6 +233,7 @@ def reflections(
             in mirrors. None: nothing.
         radiosity: parameters of the light that surfaces send which the image does not show; its
             `grid` is that of the rays too.
+        max_memory: as of `gtao`; rays are followed in their band of the screen alone.
         runtime: the device; by default the fastest found.
         **params: the fields of `ReflectionsParams`.
 

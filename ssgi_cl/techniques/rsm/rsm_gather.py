@@ -18,6 +18,7 @@ from ssgi_cl.device.arrays import Plane
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime, serialised
+from ssgi_cl.techniques.bands import CELL, banded, fixed_plan
 from ssgi_cl.techniques.methods import Method, chosen_params
 from ssgi_cl.techniques.multires.multires_grid import MultiresGrid, MultiresGridParams
 from ssgi_cl.techniques.rsm.rsm_maps import MapSampling
@@ -154,6 +155,7 @@ METHODS: dict[str, Method] = dict(
 """The first is the default."""
 
 
+@banded(fixed_plan(CELL))
 @with_fields_described(RsmGatherParams, RsmPublishedParams)
 @serialised
 def rsm_gather(
@@ -165,6 +167,7 @@ def rsm_gather(
     radius: float | None = None,
     pattern: str | None = None,
     resolution: GatherResolution | None = None,
+    max_memory: int | None = None,
     runtime: Runtime | None = None,
     **params: Unpack[RsmGatherKeywords],
 ) -> NDArray[np.float32]:
@@ -191,6 +194,7 @@ def rsm_gather(
             map; "published": 0.5 by default.
         pattern: method "unbiased": "flux", "fixed", "rotated" or "all"; see `RsmGatherParams`.
         resolution: method "unbiased": "full", or "adaptive" for fewer pixels where light is smooth.
+        max_memory: as of `gtao`; with "adaptive" each band is held to the error by itself.
         runtime: the device; by default the fastest found.
         **params: the other fields of `RsmGatherParams` or, with method "published", of
             `RsmPublishedParams`.

@@ -21,6 +21,7 @@ from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA
 from ssgi_cl.device.transient import Target
 from ssgi_cl.rasterize.raster.view import device_scene
+from ssgi_cl.techniques.bands import banded, fixed_plan
 from ssgi_cl.techniques.direct.shadow_maps import checked_lights
 from ssgi_cl.techniques.filters.bilateral import Bilateral, BilateralParams
 from ssgi_cl.techniques.technique import Technique
@@ -35,6 +36,8 @@ FIELDS = 20
 OFFSET = 1.0
 """Diagonals of a texel by which a receiver is moved along its normal: the farthest of 2 x 2 texels
 is so far off, and depth there differs by that times the tangent of the light's angle at most."""
+MOST_BLUR = 16
+"""Radius of the blur at most, px."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +52,7 @@ class SampledLightsParams(Params):
         7,
         "radius of the edge-aware blur that averages the 4 x 4 sets of directions; 0 for none",
         low=0,
-        high=16,
+        high=MOST_BLUR,
         unit="px",
     )
 
@@ -237,6 +240,7 @@ class SampledLights(Prepared[SampledLightsParams]):
         return np.ascontiguousarray(np.tile(table, 4), np.float32)
 
 
+@banded(fixed_plan(MOST_BLUR))
 @with_fields_described(SampledLightsParams)
 @serialised
 def sampled_lights(
@@ -244,6 +248,7 @@ def sampled_lights(
     lights: Sequence[Light],
     *,
     scene: Scene,
+    max_memory: int | None = None,
     runtime: Runtime | None = None,
     **params: Unpack[SampledLightsKeywords],
 ) -> NDArray[np.float32]:
@@ -261,6 +266,7 @@ def sampled_lights(
         gbuffer: the receivers.
         lights: environments among them are sampled; others are passed over.
         scene: what casts shadows. Its maps are kept for the next call with the same objects.
+        max_memory: as of `gtao`.
         runtime: the device; by default the fastest found.
         **params: the fields of `SampledLightsParams`.
 

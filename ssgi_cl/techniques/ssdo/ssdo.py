@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from typing import Any, Unpack
@@ -11,9 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core import checks
+from ssgi_cl.core.checks import LEAST_DEPTH
 from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
 from ssgi_cl.core.lights import Light, environments_of
-from ssgi_cl.core.params import Prepared, with_fields_described
+from ssgi_cl.core.params import Prepared, parameter_fields, with_fields_described
 from ssgi_cl.device.arrays import Plane, Size, plane_bytes
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
@@ -21,6 +23,8 @@ from ssgi_cl.device.structs import Struct, floats, ints
 from ssgi_cl.device.transient import Target
 from ssgi_cl.techniques.ao.bent_normals import BentNormals
 from ssgi_cl.techniques.ao.occlusion import RESOLUTIONS
+from ssgi_cl.techniques.ao.occlusion_bands import filtered_rows, pixels_per_depth, widest_ray
+from ssgi_cl.techniques.bands import Plan, banded
 from ssgi_cl.techniques.direct.light_data import PunctualLights
 from ssgi_cl.techniques.direct.shadow_maps import checked_lights, uploaded_maps
 from ssgi_cl.techniques.direct.sky import Sky
@@ -242,6 +246,19 @@ class Ssdo(Prepared[SsdoParams]):
         return direct, bounce if bounces else None
 
 
+def _plan(gbuffer: GBuffer, runtime: Runtime, arguments: Mapping[str, Any]) -> Plan:
+    names = parameter_fields(SsdoParams)
+    given = {name: value for name, value in arguments.items() if name in names and value is not None}
+    given["radius"] = sensible_radius(gbuffer, given.get("radius"))
+    params = SsdoParams(**given)
+    depth: Any = gbuffer.first("depth")
+    nearest = max(float(depth.min(initial=math.inf)), LEAST_DEPTH)
+    pixels = min(params.radius * pixels_per_depth(gbuffer.camera, nearest), params.max_radius_px)
+    rows = min(pixels * widest_ray(gbuffer.camera) + 2.0, gbuffer.size[0]) + filtered_rows(params)
+    return Plan({**arguments, "radius": params.radius}, math.ceil(rows), planes=("radiance",))
+
+
+@banded(_plan)
 @with_fields_described(SsdoParams)
 @serialised
 def ssdo(
@@ -252,6 +269,7 @@ def ssdo(
     shadow_maps: Sequence[ReflectiveShadowMap | None] | None = None,
     radiance: ArrayLike | None = None,
     auxiliary_views: Sequence[GBuffer | DeviceGBuffer] = (),
+    max_memory: int | None = None,
     runtime: Runtime | None = None,
     **params: Unpack[SsdoKeywords],
 ) -> tuple[NDArray[np.float32], ...]:
@@ -283,6 +301,7 @@ def ssdo(
             albedo and emission.
         auxiliary_views: what auxiliary cameras see under the same lights (see `auxiliary_cameras`).
             Surfaces that only they see occlude and send light too.
+        max_memory: as of `gtao`; roundings of taps then differ in some pixels.
         runtime: the device; by default the fastest found.
         **params: the other fields of `SsdoParams`.
 

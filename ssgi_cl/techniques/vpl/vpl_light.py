@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypedDict
 
@@ -20,6 +20,7 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.raster.view import device_scene
+from ssgi_cl.techniques.bands import CELL, Plan
 from ssgi_cl.techniques.occupancy.occupancy_grid import MOST_CELLS
 from ssgi_cl.techniques.vpl.vpl_choice import on_device_rsms
 
@@ -151,3 +152,11 @@ def lit_by_maps(
         where: dict[str, Any] = {} if solid is None else {"scene": solid}
         result = made.run(device, rsms=maps, **where).download()
     return np.ascontiguousarray(np.moveaxis(result, 0, -1))
+
+
+def lights_plan(gbuffer: GBuffer, runtime: Runtime, arguments: Mapping[str, Any]) -> Plan:
+    """Return the plan of a technique of virtual point lights: all bands have the same lights, and one occupancy."""
+    if arguments.get("visibility") and arguments.get("scene") is None:
+        raise ValueError("scene is None: expected a Scene with visibility=True and max_memory, bands show parts of it")
+    chosen = {} if arguments.get("method") == "published" else {"importance": False}
+    return Plan({**arguments, **chosen}, CELL)

@@ -21,6 +21,7 @@ from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA
 from ssgi_cl.rasterize.raster.device_scene import DeviceScene
+from ssgi_cl.techniques.bands import banded
 from ssgi_cl.techniques.filters.bilateral import Bilateral, BilateralParams
 from ssgi_cl.techniques.occupancy.occupancy_grid import Occupancy, OccupancyGrid, check_grid, grid_param
 from ssgi_cl.techniques.technique import Bench, Technique
@@ -33,6 +34,7 @@ from ssgi_cl.techniques.vpl.vpl_light import (
     VplParams,
     camera_of,
     importance_param,
+    lights_plan,
     lit_by_maps,
     refine_param,
 )
@@ -337,6 +339,7 @@ class VplSplat(Prepared[VplSplatParams]):
         )
 
 
+@banded(lights_plan)
 @with_fields_described(VplSplatParams)
 @serialised
 def vpl_splat(
@@ -346,6 +349,7 @@ def vpl_splat(
     cutoff: float = 0.01,
     *,
     scene: Scene | None = None,
+    max_memory: int | None = None,
     runtime: Runtime | None = None,
     **params: Unpack[VplSplatKeywords],
 ) -> NDArray[np.float32]:
@@ -364,6 +368,7 @@ def vpl_splat(
         cutoff: >= 0, see `VplSplatParams`; with 0 every light reaches every pixel.
         scene: with `visibility`, the triangles that block light, seen or not; by default what the
             G-buffer and the maps show does.
+        max_memory: as of `gtao`; lights are then chosen without `importance`, and `visibility` needs `scene`.
         runtime: the device; by default the fastest found.
         **params: the other fields of `VplSplatParams`.
 

@@ -26,13 +26,16 @@ from ssgi_cl.io.console import (
     device_option,
     human_errors,
     json_option,
+    memory_option,
     progress,
     report,
     wrapped,
     yfov_of,
 )
 from ssgi_cl.io.exr_layouts import LAYOUTS
-from ssgi_cl.sequences.apply_exr import ApplyExr, Passes, lights_of
+from ssgi_cl.sequences.apply_exr import ApplyExr, lights_of
+from ssgi_cl.sequences.exr_image import ExrImage
+from ssgi_cl.sequences.exr_passes import Passes
 from ssgi_cl.sequences.frame_names import FrameNames
 from ssgi_cl.techniques.catalogue import CATALOGUE
 from ssgi_cl.techniques.technique import Technique
@@ -54,7 +57,7 @@ _GROUPS = {
     "Sequence": ("frames", "again", "scheduler"),
     "Light (ssdo)": ("sky", "sun", "lit"),
     "Quality": ("settings", "method", "preset", "error", "budget_ms"),
-    "Device and report": ("device", "as_json"),
+    "Device and report": ("device", "max_memory", "as_json"),
 }
 """Headings of the help, and the options under each."""
 
@@ -178,6 +181,7 @@ _GROUPS = {
 @click.option("--layer", metavar="NAME", help="Layer whose channels are read, such as ViewLayer; found by default.")
 @click.option("--part", metavar="NAME", help="Part of a file of several parts; all by default.")
 @frames_options
+@memory_option
 @device_option
 @json_option
 @human_errors
@@ -211,6 +215,7 @@ def apply_command(
     frames: str | None,
     again: bool,
     scheduler: str | None,
+    max_memory: int | None,
     device: str | None,
     as_json: bool,
 ) -> None:
@@ -261,8 +266,16 @@ def apply_command(
         nan=nan,
         normals=not no_normals,
     )
+    if max_memory is not None and chosen.kind != "ao":
+        raise click.UsageError(f"--max-memory is for ambient occlusion: {technique} reads the whole image")
     work = ApplyExr(
-        technique=technique, parameters=parameters, passes=passes, lights=lights_of(sky, sun), lit=lit, device=device
+        technique=technique,
+        parameters=parameters,
+        passes=passes,
+        lights=lights_of(sky, sun),
+        lit=lit,
+        device=device,
+        max_memory=max_memory,
     )
     names = FrameNames.of(source)
     if names is None and (frames is not None or scheduler is not None):
@@ -279,20 +292,27 @@ def _apply_one(work: ApplyExr, source: Path, output: Path, *, overwrite: bool, a
     adds = source.exists() and output.exists() and source.samefile(output)  # by links too
     if adds and not overwrite:
         raise click.UsageError(f"--output is {output}: that is the input; --overwrite adds the result to its channels")
+    if adds and work.max_memory is not None:
+        raise click.UsageError(f"--output is {output}: that is the input; expected another file with --max-memory")
     with progress(as_json) as step:
         step("opening the device")
         runtime = Runtime.open(work.device)
         step(f"reading {source}")
         frame = work.read(source)
         step(f"computing {work.technique}")
-        results = work.compute(frame, runtime)
-        times = runtime.times()
-        step("writing the file")
-        if adds:
-            exr.add(output, results)
+        if isinstance(frame, ExrImage):
+            camera = frame.camera
+            exr.write_in_rows(output, work.rows(frame, runtime), like=source)
+            times = runtime.times()
         else:
-            exr.write(output, results, like=source)
-    camera = frame.gbuffer.camera
+            camera = frame.gbuffer.camera
+            results = work.compute(frame, runtime)
+            times = runtime.times()
+            step("writing the file")
+            if adds:
+                exr.add(output, results)
+            else:
+                exr.write(output, results, like=source)
     facts = {"width": camera.width, "height": camera.height, "notes": list(frame.notes)}
     report(as_json, runtime, times, [output], facts)
 

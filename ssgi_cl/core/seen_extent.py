@@ -37,9 +37,14 @@ def seen_extent(camera: Camera, depth: NDArray[Any]) -> float:
     return across / float((1.0 / seen).mean()) if len(seen) else math.inf
 
 
+def sparse_step(pixels: int) -> int:
+    """Return the step of `sparse` in a depth map of so many pixels."""
+    return max(1, round(math.sqrt(pixels / _MOST_SAMPLES)))
+
+
 def sparse(depth: NDArray[Any]) -> NDArray[Any]:
     """Return two thousand values of a depth map [rows, columns], evenly spread."""
-    step = max(1, round(math.sqrt(depth.size / _MOST_SAMPLES)))
+    step = sparse_step(depth.size)
     return depth[step // 2 :: step, step // 2 :: step]
 
 

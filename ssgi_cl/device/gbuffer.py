@@ -20,6 +20,9 @@ from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, camera_values, floa
 
 WorldNormals = Literal["kept", "until released", "until derived"]
 
+PLAIN_ALBEDO = 0.8
+"""Where a G-buffer has none."""
+
 VIEW_ROTATION = Struct("GbufferRotation", floats(*ROTATION))
 
 
@@ -40,14 +43,14 @@ class DeviceGBuffer:
         normal: 3 images a layer (number 3 layer + channel), view space, facing the viewer; 0 where
             nothing is.
         normal_world: likewise, as given.
-        albedo: likewise.
+        albedo: likewise; with `deferred` from when it is first asked for on.
         emission: likewise; one pixel before the first contents that emit.
         mirrors: whether there are `specular`, 3 images, and `gloss`, 1 image: reflectance and
             exponent of the Phong lobe of layer 0.
         opacity, transmitted: 1 image, share of the surface of layer 0 that is there, and 3 images,
             share of the light from behind that passes it; of surfaces that are seen through.
         world: how long `normal_world` stays: "kept"; "until released" by `release_world`; or
-            "until derived", when `normal` takes its memory over.
+            "until derived", when `normal` takes its memory over. With `deferred` it is there if it was given.
         sides: what `ssdo_bitmask.closed_sides` found in the current contents, None if it did not look.
         thickness: 1 image, scene units, or None if the contents have none.
         has_facets: whether depths are exact enough to tell a triangle's plane from neighbours':
@@ -68,6 +71,7 @@ class DeviceGBuffer:
         margin: Size = (0, 0),
         attributes: int = 1,
         world: WorldNormals = "kept",
+        deferred: bool = False,
     ) -> None:
         if attributes not in (0, 1, layers):
             raise ValueError(f"attributes is {attributes}: expected 0, 1 or {layers}, all layers")
@@ -80,11 +84,12 @@ class DeviceGBuffer:
         self._images = max(3 * attributes, 1)
         self.linear = runtime.plane(1, shown, math.inf)
         self._plain_albedo = False  # whether the last upload had none, and nothing was drawn since
-        self.normal, self.albedo = (runtime.plane(self._images, shown) for _ in range(2))
+        self.normal = runtime.plane(self._images, shown)
+        self._albedo = None if deferred else runtime.plane(self._images, shown)
         self.world: WorldNormals = world
         self.sides: Plane | None = None
         self._normal_world: Plane | None = None
-        own = world == "kept" and attributes > 0
+        own = world == "kept" and attributes > 0 and not deferred
         self._own_world = runtime.plane(self._images, self.whole) if own else None
         self._emission: Plane | None = None
         self._no_emission = runtime.plane(1, (1, 1))
@@ -98,6 +103,15 @@ class DeviceGBuffer:
         self.camera: Camera | None = None
         self.band: Band | None = None
         self.camera_struct: Any = None
+
+    @property
+    def albedo(self) -> Plane:
+        """Albedo of each layer."""
+        if self._albedo is None:
+            self._albedo = self.runtime.plane(self._images, self.whole if self.attributes else (1, 1))
+            if self._plain_albedo:
+                self._albedo.upload(self._layered(None, PLAIN_ALBEDO))
+        return self._albedo
 
     @property
     def emission(self) -> Plane:
@@ -176,11 +190,13 @@ class DeviceGBuffer:
         plain = self._plain_albedo
         depth = np.asarray(gbuffer.depth)
         self.depth.upload(depth.reshape(self.layers, *self.whole))
-        self.take_world()
-        if gbuffer.normal is not None or self.attributes > 1:  # else it is never read
+        self.sides = None
+        self._normal_world = None
+        if gbuffer.normal is not None or self.attributes > 1:
+            self.take_world()
             self.normal_world.upload(self._layered(gbuffer.normal, 0.0))
-        if gbuffer.albedo is not None or not plain:
-            self.albedo.upload(self._layered(gbuffer.albedo, 0.8))
+        if gbuffer.albedo is not None or (self._albedo is not None and not plain):
+            self.albedo.upload(self._layered(gbuffer.albedo, PLAIN_ALBEDO))
         self.emits = gbuffer.emission is not None
         if self.emits:
             self.emission.upload(self._layered(gbuffer.emission, 0.0))
@@ -228,6 +244,7 @@ class DeviceGBuffer:
                 f"number is {number}: expected 0 to {self.attributes - 1}, the layers that have "
                 "normals, albedo and emission"
             )
+        assert self.albedo  # noqa: S101  is there before the copy, which would make one of its own
         view = copy(self)
         view.size, view.margin, view.front = self.whole, (0, 0), number
         view.facing = -1.0 if back else 1.0
@@ -251,7 +268,7 @@ class DeviceGBuffer:
         if camera is None:
             raise ValueError("the device G-buffer has no camera: call set_camera or upload first")
         rotation = VIEW_ROTATION.pack(rotation_values(camera.view[:3, :3]))
-        world = self.normal_world
+        world = self.normal_world if given else None
         in_place = world is self.normal
         if in_place:
             self._normal_world = None  # whatever becomes of the pass
@@ -304,7 +321,12 @@ def on_device(gbuffer: GBuffer | DeviceGBuffer, runtime: Runtime | None, *, plac
     device: DeviceGBuffer = runtime.prepared(
         key,
         lambda: DeviceGBuffer(
-            runtime, gbuffer.size, layers=gbuffer.layers, margin=gbuffer.margin, attributes=attributes
+            runtime,
+            gbuffer.size,
+            layers=gbuffer.layers,
+            margin=gbuffer.margin,
+            attributes=attributes,
+            deferred=True,
         ),
     )
     device.upload(gbuffer)

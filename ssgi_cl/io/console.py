@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import resource
 import shutil
 import sys
@@ -23,13 +24,34 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 from rich.table import Table
 
 from ssgi_cl.core import checks
-from ssgi_cl.core.errors import KernelBuildError, SsgiError
+from ssgi_cl.core.errors import KernelBuildError, SsgiError, shown
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.timing import PassTime
 
 DEFAULT_FOV = 50.0
 """Degrees, vertical."""
 
+
+class Bytes(click.ParamType):  # type: ignore[type-arg]
+    """A number of bytes, such as 4GiB, 512MiB or 2000000000."""
+
+    name = "BYTES"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        """Return the number."""
+        found = re.fullmatch(r"(\d+(?:\.\d+)?) *([KMGT]i?B?)?", str(value).strip(), re.IGNORECASE)
+        if found is None:
+            self.fail(f"{shown(str(value))}: expected a number of bytes, such as 4GiB or 512MiB", param, ctx)
+        unit = (found[2] or "").upper()
+        base = 1024 if "I" in unit or len(unit) == 1 else 1000
+        return int(float(found[1]) * base ** (" KMGT".index(unit[:1] or " ")))
+
+
+memory_option = click.option(
+    "--max-memory",
+    type=Bytes(),
+    help="Memory for the image at most, such as 4GiB: larger ones are read, computed and written by bands of rows.",
+)
 device_option = click.option(
     "--device",
     metavar="WORDS",

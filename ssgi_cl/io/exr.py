@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping, Sequence, Set
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from ssgi_cl.io.exr_camera import HeaderCamera, camera_attributes, header_camera
 from ssgi_cl.io.exr_channels import QUANTITIES, found_channels, stem_of
 from ssgi_cl.io.exr_header import ExrHeader, Window, read_headers
 from ssgi_cl.io.exr_layouts import layout_of
+from ssgi_cl.io.exr_rows import read_rows, utf8, write_rows
 
 BACKGROUND_DEPTH = 1e10
 """Depths from here on mean that nothing is there: Blender writes 1e10 for its background."""
@@ -86,6 +86,28 @@ def write(
     _save(path, {**header, **windows}, channels, own)
 
 
+def write_in_rows(
+    path: str | os.PathLike[str],
+    rows: Iterator[tuple[int, Mapping[str, ArrayLike]]],
+    *,
+    like: str | os.PathLike[str],
+    attributes: Mapping[str, str] | None = None,
+) -> None:
+    """Write a file as `write` does, of bands of rows that come one after the other; whole or not at all.
+
+    Args:
+        path, like, attributes: as of `write`.
+        rows: the first row and the arrays of each band, from the top; bands but the last are multiples of
+            `exr_rows.CHUNK` rows high.
+
+    Raises:
+        ValueError, OSError: as `write`; whatever `rows` raises.
+    """
+    header = {**_kept(_attributes(os.fspath(like))), **(attributes or {})}
+    size = read_headers(Path(like))[0].size
+    write_rows(path, header, size, ((first, _planes(arrays)[0]) for first, arrays in rows))
+
+
 def _stored(name: str, plane: NDArray[np.float32], *, half: bool) -> NDArray[Any]:
     """Return a plane in the type that its channel has."""
     if not half or name == "Z":
@@ -124,7 +146,7 @@ def add(path: str | os.PathLike[str], arrays: Mapping[str, ArrayLike]) -> None:
 def _attributes(name: str) -> dict[str, Any]:
     """Return the attributes of the first part of a file."""
     try:
-        with _utf8(name, os.O_RDONLY) as readable:
+        with utf8(name, os.O_RDONLY) as readable:
             attributes: dict[str, Any] = OpenEXR.File(readable, header_only=True).header()
     except (RuntimeError, ValueError) as error:
         raise ValueError(f"{name} is damaged or cut short: its header can't be decoded") from error
@@ -151,26 +173,11 @@ def _save(
     ]
     with atomic.replacement(path) as temporary:
         try:
-            with _utf8(os.fspath(temporary), os.O_WRONLY) as writable:
+            with utf8(os.fspath(temporary), os.O_WRONLY) as writable:
                 (OpenEXR.File(several) if several else OpenEXR.File(header, channels)).write(writable)
         except RuntimeError as error:
             reason = str(error).replace(os.fspath(temporary), os.fspath(path))
             raise OSError(f"cannot write {os.fspath(path)}: {reason}") from error
-
-
-@contextmanager
-def _utf8(name: str, flags: int) -> Iterator[str]:
-    """Give another name of a file if its own is not UTF-8, which OpenEXR does not take."""
-    try:
-        name.encode()
-    except UnicodeEncodeError:
-        opened = os.open(name, flags)
-        try:
-            yield f"/dev/fd/{opened}"
-        finally:
-            os.close(opened)
-    else:
-        yield name
 
 
 def _box(window: Window) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
@@ -236,8 +243,10 @@ def read(path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
     return _chosen(name, read_headers(Path(name)))
 
 
-def _chosen(name: str, headers: Sequence[ExrHeader], wanted: Set[str] | None = None) -> dict[str, NDArray[Any]]:
-    """Return channels of a file, as `read`: all, or those wanted; the others may be of any kind."""
+def _chosen(
+    name: str, headers: Sequence[ExrHeader], wanted: Set[str] | None = None, rows: tuple[int, int] | None = None
+) -> dict[str, NDArray[Any]]:
+    """Return channels of a file, as `read`: all, or those wanted; the others may be of any kind. Or `rows` of them."""
     chosen: list[dict[str, str]] = []
     first: ExrHeader | None = None
     for header in headers:
@@ -255,6 +264,8 @@ def _chosen(name: str, headers: Sequence[ExrHeader], wanted: Set[str] | None = N
                     f"{name}: channel {channel.name!r} is subsampled {channel.sampling[0]} x "
                     f"{channel.sampling[1]}: expected one value for each pixel"
                 )
+    if rows is not None:
+        return read_rows(name, headers, chosen[0], rows)
     arrays: dict[str, NDArray[Any]] = {}
     for key, pixels in _decoded(name, (first or headers[0]).size, chosen)[1].items():
         kind = np.uint32 if pixels.dtype.kind == "u" else np.float32
@@ -274,7 +285,7 @@ def _decoded(
             those of the first part.
     """
     try:
-        with _utf8(name, os.O_RDONLY) as readable:
+        with utf8(name, os.O_RDONLY) as readable:
             file = OpenEXR.File(readable, separate_channels=True)
             header = file.header()
             parts = [part.channels for part in file.parts] if chosen is not None else [file.channels()]
@@ -336,10 +347,12 @@ def read_with_kind(
     layer: str | None = None,
     part: str | None = None,
     layout: str | None = None,
+    rows: tuple[int, int] | None = None,
 ) -> tuple[dict[str, Any], str]:
     """Return what `read_gbuffer` does, and the kind of depth that the layout expects.
 
-    That is one of `core.depth_kind.KINDS`, or "" where it has to be said.
+    That is one of `core.depth_kind.KINDS`, or "" where it has to be said. With `rows`, the first and the one
+    behind the last, these rows of the data window alone are read.
     """
     name = os.fspath(path)
     headers = read_headers(Path(name))
@@ -361,7 +374,7 @@ def read_with_kind(
         found = found_channels(names, layer, given, first)
     except ValueError as error:
         raise type(error)(f"{name}: {error}") from None
-    present = _chosen(name, headers, {channel for each in found.channels.values() for channel in each})
+    present = _chosen(name, headers, {channel for each in found.channels.values() for channel in each}, rows)
     arrays: dict[str, Any] = {"notes": (*filter(None, [note]), *found.notes)}
     for key, own in found.channels.items():
         planes = [present[channel].astype(np.float32, copy=False) for channel in own]

@@ -11,6 +11,7 @@ import mmap
 import struct
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 
 from ssgi_cl.core.errors import shown
 
@@ -125,6 +126,18 @@ def read_attributes(path: Path) -> dict[str, bytes]:
                 return _attributes(head, 8, path)[0]
             except (struct.error, IndexError) as error:
                 raise ValueError(f"{path} is damaged or cut short: its header can't be read") from error
+
+
+def header_end(file: IO[bytes]) -> int:
+    """Return where the attributes of an open file of one part end."""
+    with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as head:
+        return _attributes(head, 8, Path("file"))[1]
+
+
+def data_window_place(head: bytes | bytearray) -> int:
+    """Return where the value of the data window stands in a header, 4 integers of 4 bytes."""
+    name = b"dataWindow\0box2i\0"
+    return head.index(name) + len(name) + 4
 
 
 def _parsed(head: mmap.mmap, length: int, path: Path) -> tuple[ExrHeader, ...]:

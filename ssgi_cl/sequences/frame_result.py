@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -81,6 +81,19 @@ class FrameFile:
     camera: Camera | None = None
     half: bool = False
     parts: bool = False
+
+
+@dataclass(frozen=True)
+class FrameRows:
+    """What a function of `map_frames` returns that computes an image by bands of rows, as they are written.
+
+    Attributes:
+        rows: first row and arrays by name of each band, see `ssgi_cl.io.exr.write_in_rows`.
+        like: a file whose windows and other attributes are kept.
+    """
+
+    rows: Iterator[tuple[int, Mapping[str, Any]]]
+    like: Path
 
 
 def reason(error: Exception) -> str:

@@ -18,7 +18,7 @@ from ssgi_cl.core.keywords import checked_keywords
 from ssgi_cl.io import exr, png
 from ssgi_cl.sequences.cluster import on_cluster
 from ssgi_cl.sequences.frame_names import FrameNames
-from ssgi_cl.sequences.frame_result import FrameFile, FrameResult, FrameResults, reason
+from ssgi_cl.sequences.frame_result import FrameFile, FrameResult, FrameResults, FrameRows, reason
 from ssgi_cl.sequences.keys import NAME, described, key_of, stored_key
 
 AHEAD = 2
@@ -209,6 +209,9 @@ def write_result(path: Path, value: Any, key: str) -> None:
     """
     if path.suffix.lower() == ".png":
         png.write(path, value, texts={NAME: key})
+        return
+    if isinstance(value, FrameRows):
+        exr.write_in_rows(path, value.rows, like=value.like, attributes={NAME: key})
         return
     file = value if isinstance(value, FrameFile) else FrameFile(value if isinstance(value, Mapping) else {"": value})
     arrays = {name: np.asarray(array) for name, array in file.arrays.items()}

@@ -6,8 +6,9 @@ import inspect
 import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import wraps
-from typing import Any, NamedTuple, ParamSpec, TypeVar
+from typing import Any, NamedTuple, ParamSpec, Protocol, TypeVar
 
 import numpy as np
 
@@ -60,6 +61,13 @@ class Plan(NamedTuple):
 Planner = Callable[[GBuffer, Runtime, Mapping[str, Any]], Plan]
 
 
+class Banded(NamedTuple):
+    """The function of a technique that works on a band, and its plan: attribute `in_bands` of the public one."""
+
+    function: Callable[..., Any]
+    plan: Planner
+
+
 def banded(plan: Planner) -> Callable[[Callable[P, T]], Callable[P, T]]:
     """Make a technique's function work in bands where it is called with `max_memory`."""
 
@@ -91,6 +99,7 @@ def banded(plan: Planner) -> Callable[[Callable[P, T]], Callable[P, T]]:
             result: T = of_kind(found, kind_among((*args, *kwargs.values())))
             return result
 
+        call.in_bands = Banded(function, plan)  # type: ignore[attr-defined]
         return call
 
     return decorated
@@ -101,36 +110,101 @@ def fixed_plan(computed: int = 0, images: Mapping[str, int] | None = None) -> Pl
     return lambda gbuffer, runtime, arguments: Plan(arguments, computed, images=images or {})
 
 
+class ImageRows(Protocol):
+    """A G-buffer whose rows are asked for.
+
+    Attributes:
+        size, margin, layers: as of `GBuffer`.
+    """
+
+    @property
+    def size(self) -> tuple[int, int]: ...
+    @property
+    def margin(self) -> tuple[int, int]: ...
+    @property
+    def layers(self) -> int: ...
+    def whole(self) -> GBuffer:
+        """Return all of it."""
+
+    def nearest(self, first: int, end: int) -> float:
+        """Return the least depth of rows `first` to before `end` of the image, scene units; +inf of none."""
+
+    def band(self, first: int, end: int, halo: int) -> GBuffer:
+        """Return these rows, see `band_of`."""
+
+
+@dataclass(frozen=True)
+class RowsOf:
+    """The rows of a G-buffer in memory, as `ImageRows`."""
+
+    gbuffer: GBuffer
+
+    @property
+    def size(self) -> tuple[int, int]:
+        return self.gbuffer.size
+
+    @property
+    def margin(self) -> tuple[int, int]:
+        return self.gbuffer.margin
+
+    @property
+    def layers(self) -> int:
+        return self.gbuffer.layers
+
+    def whole(self) -> GBuffer:
+        return self.gbuffer
+
+    def nearest(self, first: int, end: int) -> float:
+        depth: Any = self.gbuffer.first("depth")
+        return float(depth[first + self.margin[0] : end + self.margin[0]].min(initial=np.inf))
+
+    def band(self, first: int, end: int, halo: int) -> GBuffer:
+        return band_of(self.gbuffer, first, end, halo)
+
+
+class FoundRows(NamedTuple):
+    """The result of a band: that of rows `first` to before `end`, an array or several."""
+
+    first: int
+    end: int
+    found: Any
+
+
 def in_bands(function: Callable[..., Any], gbuffer: GBuffer, runtime: Runtime, plan: Plan, most: int) -> Any:
-    """Return the result of a technique's function, computed in as many bands as `most` bytes of memory ask for.
+    """Return the result of a technique's function, computed in bands. DeviceMemoryError: as `each_band`."""
+    height, result = gbuffer.size[0], None
+    for rows in each_band(function, RowsOf(gbuffer), runtime, plan, most):
+        if rows.end - rows.first == height:
+            return rows.found
+        result = _gathered(result, rows, height)
+    return result
+
+
+def each_band(
+    function: Callable[..., Any], image: ImageRows, runtime: Runtime, plan: Plan, most: int
+) -> Iterator[FoundRows]:
+    """Yield the results of a technique's function for as many bands as `most` bytes of device memory ask for.
 
     Raises:
         DeviceMemoryError: not even the lowest band fits.
     """
-    height = gbuffer.size[0]
-    rows = _first_guess(gbuffer, plan, most)
-    result: Any = None
-    first = 0
-    with runtime.lock, _at_most(runtime, most):
-        while first < height:
-            end = min(first + rows, height)
-            whole = (first, end) == (0, height)
-            try:
-                if whole:
-                    return function(gbuffer=gbuffer, **plan.arguments, runtime=runtime)
-                band, arguments, above = _band(gbuffer, plan, first, end)
-                found = function(gbuffer=band, **arguments, runtime=runtime)
-            except DeviceMemoryError as error:
-                if rows <= ALIGNED:
-                    raise DeviceMemoryError(
-                        f"max_memory is {most}: a band of {end - first} rows does not fit with the rows that it reads "
-                        f"round it; expected more, or a smaller radius ({error})"
-                    ) from error
-                rows = max(min(rows, height) * 2 // 3 // ALIGNED * ALIGNED, ALIGNED)
-                continue
-            result = _gathered(result, found, height, slice(first, end), slice(above, above + end - first))
-            first = end
-    return result
+    height, first = image.size[0], 0
+    rows = _first_guess(image, plan, most)
+    while first < height:
+        end = min(first + rows, height)
+        try:
+            with runtime.lock, _at_most(runtime, most):
+                found = _computed(function, image, plan, first, end, runtime)
+        except DeviceMemoryError as error:
+            if rows <= ALIGNED:
+                raise DeviceMemoryError(
+                    f"max_memory leaves {most} bytes to the device: a band of {end - first} rows does not fit with the "
+                    f"rows that it reads round it; expected more, or a smaller radius ({error})"
+                ) from error
+            rows = max(min(rows, height) * 2 // 3 // ALIGNED * ALIGNED, ALIGNED)
+            continue
+        yield FoundRows(first, end, found)
+        first = end
 
 
 @contextmanager
@@ -150,36 +224,39 @@ def _at_most(runtime: Runtime, most: int) -> Iterator[None]:
         memory.limit = before
 
 
-def _first_guess(gbuffer: GBuffer, plan: Plan, most: int) -> int:
+def _first_guess(image: ImageRows, plan: Plan, most: int) -> int:
     """Return rows of a band that may fit, a multiple of `ALIGNED`, or those of the image."""
-    (height, columns), (above, aside) = gbuffer.size, gbuffer.margin
-    rows = most // (PIXEL_BYTES * gbuffer.layers * (columns + 2 * aside)) - 2 * above
+    (height, columns), (above, aside) = image.size, image.margin
+    rows = most // (PIXEL_BYTES * image.layers * (columns + 2 * aside)) - 2 * above
     if rows >= height:
         return height
-    depth: Any = gbuffer.first("depth")
-    rows -= 2 * (plan.computed + int(min(plan.read(float(depth.min(initial=np.inf))), height)))
+    rows -= 2 * (plan.computed + int(min(plan.read(image.nearest(0, min(max(rows, 1), height))), height)))
     return max(rows // ALIGNED * ALIGNED, ALIGNED)
 
 
-def _band(gbuffer: GBuffer, plan: Plan, first: int, end: int) -> tuple[GBuffer, dict[str, Any], int]:
-    """Return the band whose result holds rows `first` to before `end`, its arguments, and its rows above these."""
-    height, margin = gbuffer.size[0], gbuffer.margin[0]
+def _computed(
+    function: Callable[..., Any], image: ImageRows, plan: Plan, first: int, end: int, runtime: Runtime
+) -> Any:
+    """Return the result of rows `first` to before `end`."""
+    height, margin = image.size[0], image.margin[0]
+    if (first, end) == (0, height):
+        return function(gbuffer=image.whole(), **plan.arguments, runtime=runtime)
     top, bottom = max(first - aligned(plan.computed), 0), min(end + aligned(plan.computed), height)
-    depth: Any = gbuffer.first("depth")
-    nearest = float(depth[top + margin : bottom + margin].min(initial=np.inf))
-    halo = aligned(math.ceil(min(plan.read(nearest), height + 2 * margin)))
+    halo = aligned(math.ceil(min(plan.read(image.nearest(top, bottom)), height + 2 * margin)))
     arguments = dict(plan.arguments)
     for name, step in plan.images.items():
-        image = arguments.get(name)
+        given = arguments.get(name)
         # What is wrong with another one, the function says.
-        if image is not None and np.shape(image)[:1] == (-(-height // step),):
-            arguments[name] = host_array(image)[top // step : -(-bottom // step)]
+        if given is not None and np.shape(given)[:1] == (-(-height // step),):
+            arguments[name] = host_array(given)[top // step : -(-bottom // step)]
     for name in plan.planes:
-        image = arguments.get(name)
-        if image is not None and np.ndim(image) >= 3:
+        given = arguments.get(name)
+        if given is not None and np.ndim(given) >= 3:
             rows = bottom - top + 2 * (margin + halo)
-            arguments[name] = rows_with_padding(host_array(image), np.ndim(image) - 3, top - halo, rows, 0.0)
-    return band_of(gbuffer, top, bottom, halo), arguments, first - top
+            arguments[name] = rows_with_padding(host_array(given), np.ndim(given) - 3, top - halo, rows, 0.0)
+    found = function(gbuffer=image.band(top, bottom, halo), **arguments, runtime=runtime)
+    kept = slice(first - top, end - top)
+    return tuple(each[kept] for each in found) if isinstance(found, tuple) else found[kept]
 
 
 def aligned(rows: int) -> int:
@@ -187,13 +264,13 @@ def aligned(rows: int) -> int:
     return -(-rows // REPEATED) * REPEATED
 
 
-def _gathered(result: Any, found: Any, height: int, rows: slice, kept: slice) -> Any:
-    """Write the rows that are kept of a band's result, an array or several, to that of the whole."""
-    if isinstance(found, tuple):
-        before = result or (None,) * len(found)
-        parts = [_gathered(*each, height, rows, kept) for each in zip(before, found, strict=True)]
-        return type(found)(*parts) if hasattr(found, "_fields") else tuple(parts)
+def _gathered(result: Any, rows: FoundRows, height: int) -> Any:
+    """Write the result of a band, an array or several, to that of the whole."""
+    if isinstance(rows.found, tuple):
+        before = result or (None,) * len(rows.found)
+        pairs = zip(before, rows.found, strict=True)
+        return tuple(_gathered(old, rows._replace(found=each), height) for old, each in pairs)
     if result is None:
-        result = np.empty((height, *found.shape[1:]), found.dtype)
-    result[rows] = found[kept]
+        result = np.empty((height, *rows.found.shape[1:]), rows.found.dtype)
+    result[rows.first : rows.end] = rows.found
     return result

@@ -261,7 +261,7 @@ def test_none_stands_for_a_parameter_that_the_macros_remove(runtime: Runtime) ->
         (
             "pair",
             CAMERA.pack(dict.fromkeys(CAMERA.dtype.names or (), 0.0)),
-            "pair is the struct SsgiCamera of 40 bytes: expected the struct Pair of 8 bytes",
+            "pair is the struct SsgiCamera of 48 bytes: expected the struct Pair of 8 bytes",
         ),
         ("pair", (1.0, 2), r"pair is \(1.0, 2\) \(tuple\): expected the struct Pair"),
     ],

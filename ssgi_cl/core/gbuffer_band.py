@@ -50,20 +50,27 @@ def band_of(gbuffer: GBuffer, first: int, end: int, halo: int) -> GBuffer:
     """
     top = first - halo
     rows = end - first + 2 * (gbuffer.margin[0] + halo)
-    part = copy(gbuffer)
-    camera = gbuffer.camera
-    fields: dict[str, Any] = {
-        "camera": camera.cropped(0, first, camera.width, end - first),
-        "margin": (gbuffer.margin[0] + halo, gbuffer.margin[1]),
-        "band": Band(camera, gbuffer.margin, top),
-        "array_kind": None,
-        "notes": (),
-    }
+    arrays = {}
     for name, dimensions in _LAYERED.items():
         array = getattr(gbuffer, name)
         if array is not None:
             axis = array.ndim - dimensions
-            fields[name] = rows_with_padding(array, axis, top, rows, np.inf if name == "depth" else 0.0)
+            arrays[name] = rows_with_padding(array, axis, top, rows, np.inf if name == "depth" else 0.0)
+    return band_with(gbuffer, first, end, halo, arrays)
+
+
+def band_with(gbuffer: GBuffer, first: int, end: int, halo: int, arrays: dict[str, NDArray[Any]]) -> GBuffer:
+    """Return a band as `band_of` does, whose arrays are given and checked already."""
+    camera, margin = gbuffer.camera, gbuffer.margin
+    fields = {
+        **arrays,
+        "camera": camera.cropped(0, first, camera.width, end - first),
+        "margin": (margin[0] + halo, margin[1]),
+        "band": Band(camera, margin, first - halo),
+        "array_kind": None,
+        "notes": (),
+    }
+    part = copy(gbuffer)
     for name, value in fields.items():
         object.__setattr__(part, name, value)
     return part

@@ -20,6 +20,8 @@ from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, camera_values, floa
 
 WorldNormals = Literal["kept", "until released", "until derived"]
 
+NORMAL_ROWS = 2
+"""Rows on either side of a pixel that its normal is reconstructed from."""
 PLAIN_ALBEDO = 0.8
 """Where a G-buffer has none."""
 
@@ -275,6 +277,7 @@ class DeviceGBuffer:
         source = 0 if not given else 2 if in_place else 1
         kernel = self.runtime.kernel("gbuffer/gbuffer_normals.cl", {"GBUFFER_GIVEN": source}, (CAMERA, VIEW_ROTATION))
         with self._derived.over(self.region) as region:
+            region = region if self.band is None else self._looked_at(self.band)
             for layer in range(self.attributes):
                 kernel.run(
                     self.whole,
@@ -287,6 +290,11 @@ class DeviceGBuffer:
                     rotation=rotation,
                     layer=layer,
                 )
+
+    def _looked_at(self, band: Band) -> Region:
+        """Return the rows whose normals count: those beyond are for their depths alone."""
+        beyond = max(self.margin[0] - band.margin[0] - NORMAL_ROWS, 0)
+        return Region(beyond, 0, self.whole[0] - 2 * beyond, self.whole[1])
 
     def release_world(self) -> None:
         """Give the memory of `normal_world` to others, unless it is kept."""
@@ -321,12 +329,7 @@ def on_device(gbuffer: GBuffer | DeviceGBuffer, runtime: Runtime | None, *, plac
     device: DeviceGBuffer = runtime.prepared(
         key,
         lambda: DeviceGBuffer(
-            runtime,
-            gbuffer.size,
-            layers=gbuffer.layers,
-            margin=gbuffer.margin,
-            attributes=attributes,
-            deferred=True,
+            runtime, gbuffer.size, layers=gbuffer.layers, margin=gbuffer.margin, attributes=attributes, deferred=True
         ),
     )
     device.upload(gbuffer)

@@ -19,6 +19,8 @@ from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.gbuffer_band import band_of, rows_with_padding
 from ssgi_cl.core.gbuffer_batch import image_by_image, images_in
 from ssgi_cl.core.keywords import check_keywords
+from ssgi_cl.device.gbuffer import NORMAL_ROWS
+from ssgi_cl.device.memory import DeviceMemory
 from ssgi_cl.device.runtime import Runtime
 
 ALIGNED = 64
@@ -27,10 +29,12 @@ REPEATED = 16
 """Rows after which every pattern repeats: 4, of every fourth pixel at quarter size."""
 CELL = 64
 """Rows of the coarsest cells that light is interpolated from."""
-NORMAL_ROWS = 2
-"""Rows on either side of a pixel that its normal is reconstructed from."""
 LEAST_MEMORY, MOST_MEMORY = 1 << 20, 1 << 62
 """Range of `max_memory`, bytes."""
+SAME_HALO = 1.3
+"""Times the rows that a band needs round it that it takes where the one before had as many: memory is used again."""
+FILLED, GROWN = 0.9, 1.2
+"""Share of the memory that bands are meant to fill, and times their rows that they grow by to do so."""
 PIXEL_BYTES = 56
 """Of device memory for a pixel and layer: depth, normals and albedo, a technique's copy and its result. Bands are tried
 with as many rows as then fit, and with fewer where a technique takes more."""
@@ -188,13 +192,15 @@ def each_band(
     Raises:
         DeviceMemoryError: not even the lowest band fits.
     """
-    height, first = image.size[0], 0
+    height, first, halo, may_grow = image.size[0], 0, 0, True
     rows = _first_guess(image, plan, most)
     while first < height:
         end = min(first + rows, height)
         try:
-            with runtime.lock, _at_most(runtime, most):
-                found = _computed(function, image, plan, first, end, runtime)
+            with runtime.lock, _at_most(runtime, most) as memory:
+                work = _work(image, plan, first, end, halo)
+                found = work.run(function, runtime)
+                peak = memory.peak
         except DeviceMemoryError as error:
             if rows <= ALIGNED:
                 raise DeviceMemoryError(
@@ -202,16 +208,20 @@ def each_band(
                     f"rows that it reads round it; expected more, or a smaller radius ({error})"
                 ) from error
             rows = max(min(rows, height) * 2 // 3 // ALIGNED * ALIGNED, ALIGNED)
+            halo, may_grow = 0, False
             continue
         yield FoundRows(first, end, found)
-        first = end
+        first, halo = end, work.halo
+        if may_grow:
+            fitting = int(FILLED * most * work.rows / max(peak, 1)) - (work.rows - rows)
+            rows, may_grow = max(rows, fitting // ALIGNED * ALIGNED), fitting > GROWN * rows
 
 
 @contextmanager
-def _at_most(runtime: Runtime, most: int) -> Iterator[None]:
-    """Lower the limit of a device's memory."""
+def _at_most(runtime: Runtime, most: int) -> Iterator[DeviceMemory]:
+    """Lower the limit of a device's memory, whose `peak` is meanwhile that of what is done within."""
     memory = runtime.memory
-    before = memory.limit
+    before, peak = memory.limit, memory.peak
     memory.limit = min(before, most)
     try:
         try:
@@ -219,9 +229,10 @@ def _at_most(runtime: Runtime, most: int) -> Iterator[None]:
             runtime.exclusively(lambda: runtime.require(0, ""))
         except DeviceMemoryError as error:
             raise DeviceMemoryError(f"max_memory is {most}: expected more than what objects hold ({error})") from error
-        yield
+        memory.peak = memory.used
+        yield memory
     finally:
-        memory.limit = before
+        memory.limit, memory.peak = before, max(peak, memory.peak)
 
 
 def _first_guess(image: ImageRows, plan: Plan, most: int) -> int:
@@ -234,29 +245,51 @@ def _first_guess(image: ImageRows, plan: Plan, most: int) -> int:
     return max(rows // ALIGNED * ALIGNED, ALIGNED)
 
 
-def _computed(
-    function: Callable[..., Any], image: ImageRows, plan: Plan, first: int, end: int, runtime: Runtime
-) -> Any:
-    """Return the result of rows `first` to before `end`."""
+@dataclass(frozen=True)
+class _Band:
+    """A band, and what is to be done with it.
+
+    Attributes:
+        gbuffer: its rows, with those that are read round them.
+        arguments: of the technique's function.
+        kept: of the band's result.
+        rows: of the arrays of the G-buffer.
+        halo: see `band_of`.
+    """
+
+    gbuffer: GBuffer
+    arguments: Mapping[str, Any]
+    kept: slice
+    rows: int
+    halo: int
+
+    def run(self, function: Callable[..., Any], runtime: Runtime) -> Any:
+        """Return the rows that are kept of the function's result."""
+        found = function(gbuffer=self.gbuffer, **self.arguments, runtime=runtime)
+        return tuple(each[self.kept] for each in found) if isinstance(found, tuple) else found[self.kept]
+
+
+def _work(image: ImageRows, plan: Plan, first: int, end: int, last_halo: int) -> _Band:
+    """Return the band whose result holds rows `first` to before `end`; as high as the last one, if that will do."""
     height, margin = image.size[0], image.margin[0]
     if (first, end) == (0, height):
-        return function(gbuffer=image.whole(), **plan.arguments, runtime=runtime)
+        return _Band(image.whole(), plan.arguments, slice(None), height + 2 * margin, 0)
     top, bottom = max(first - aligned(plan.computed), 0), min(end + aligned(plan.computed), height)
     halo = aligned(math.ceil(min(plan.read(image.nearest(top, bottom)), height + 2 * margin)))
+    if halo <= last_halo <= SAME_HALO * halo:
+        halo = last_halo
     arguments = dict(plan.arguments)
     for name, step in plan.images.items():
         given = arguments.get(name)
         # What is wrong with another one, the function says.
         if given is not None and np.shape(given)[:1] == (-(-height // step),):
             arguments[name] = host_array(given)[top // step : -(-bottom // step)]
+    rows = bottom - top + 2 * (margin + halo)
     for name in plan.planes:
         given = arguments.get(name)
         if given is not None and np.ndim(given) >= 3:
-            rows = bottom - top + 2 * (margin + halo)
             arguments[name] = rows_with_padding(host_array(given), np.ndim(given) - 3, top - halo, rows, 0.0)
-    found = function(gbuffer=image.band(top, bottom, halo), **arguments, runtime=runtime)
-    kept = slice(first - top, end - top)
-    return tuple(each[kept] for each in found) if isinstance(found, tuple) else found[kept]
+    return _Band(image.band(top, bottom, halo), arguments, slice(first - top, end - top), rows, halo)
 
 
 def aligned(rows: int) -> int:

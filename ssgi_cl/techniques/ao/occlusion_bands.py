@@ -10,9 +10,10 @@ from typing import Any
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.checks import LEAST_DEPTH
 from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device.gbuffer import NORMAL_ROWS
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.techniques.ao.occlusion import RESOLUTIONS, OcclusionParams, OcclusionTechnique
-from ssgi_cl.techniques.bands import NORMAL_ROWS, Plan, Planner
+from ssgi_cl.techniques.bands import Plan, Planner
 from ssgi_cl.techniques.presets.choose import params_for
 
 

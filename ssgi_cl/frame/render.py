@@ -11,6 +11,7 @@ from ssgi_cl.core.params import parameter_fields
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.progress import Preparing, Progress, part_of, told
 from ssgi_cl.device.runtime import Runtime, serialised
+from ssgi_cl.frame.bands import rendered_in_bands
 from ssgi_cl.frame.params import FrameParams
 from ssgi_cl.frame.renderer import Renderer, default_ao_radius
 from ssgi_cl.frame.result import Frame
@@ -19,6 +20,7 @@ from ssgi_cl.rasterize.raster.view import device_scene
 __all__ = ["Frame", "Renderer", "default_ao_radius", "render"]
 
 
+@rendered_in_bands
 @serialised
 def render(
     scene: Scene,
@@ -46,6 +48,7 @@ def render(
     gbuffer: bool = False,
     outputs: Iterable[str] | None = None,
     skips: bool | Iterable[str] = True,
+    max_memory: int | None = None,
     runtime: Runtime | None = None,
     progress: Progress = None,
 ) -> Frame:
@@ -101,6 +104,8 @@ def render(
             out. By default image and radiance, and AO and indirect light where the image needs them.
         skips: work that may be left out where it has no effect: True for all, False for none, or
             names from `ssgi_cl.frame.skips.SKIPS`. No bit of any output depends on it.
+        max_memory: most bytes of device memory, the scene and its maps counted; a larger picture is
+            rendered in bands of rows that are blended where they meet. By default all there is.
         runtime: the device; by default the fastest found.
         progress: called with the share of the passes that is done, which grows to 1, kernels that are compiled
             first among them; the device is waited for after each. True: a bar in terminals and notebooks.

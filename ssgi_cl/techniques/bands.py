@@ -197,7 +197,7 @@ def each_band(
     while first < height:
         end = min(first + rows, height)
         try:
-            with runtime.lock, _at_most(runtime, most) as memory:
+            with runtime.lock, at_most(runtime, most) as memory:
                 work = _work(image, plan, first, end, halo)
                 found = work.run(function, runtime)
                 peak = memory.peak
@@ -218,7 +218,7 @@ def each_band(
 
 
 @contextmanager
-def _at_most(runtime: Runtime, most: int) -> Iterator[DeviceMemory]:
+def at_most(runtime: Runtime, most: int) -> Iterator[DeviceMemory]:
     """Lower the limit of a device's memory, whose `peak` is meanwhile that of what is done within."""
     memory = runtime.memory
     before, peak = memory.limit, memory.peak

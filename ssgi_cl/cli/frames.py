@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from ssgi_cl.core.errors import SequenceError
-from ssgi_cl.io.console import checked_output, printable
+from ssgi_cl.io.console import STDOUT, checked_output, printable
 from ssgi_cl.sequences.cluster import connected
 from ssgi_cl.sequences.frame_names import FrameNames, frame_range, gaps
 from ssgi_cl.sequences.frame_result import FrameResult, FrameResults
@@ -100,7 +100,8 @@ def report_frames(
 
         def told(result: FrameResult) -> None:
             if as_json:
-                print(json.dumps(_line(result)), flush=True)
+                with STDOUT:  # which the thread that reads frames redirects
+                    print(json.dumps(_line(result)), flush=True)
 
         results = map_frames(work, inputs, files, client=client, again=again, progress=shown, finished=told)
     _summary(results, as_json)

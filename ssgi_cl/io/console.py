@@ -11,10 +11,12 @@ import shutil
 import sys
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from difflib import get_close_matches
 from functools import wraps
+from io import StringIO
 from pathlib import Path
+from threading import Lock
 from typing import Any, Protocol
 
 import click
@@ -30,6 +32,17 @@ from ssgi_cl.device.timing import PassTime
 
 DEFAULT_FOV = 50.0
 """Degrees, vertical."""
+
+
+STDOUT = Lock()
+"""Held by what prints while threads may be `silent`."""
+
+
+@contextmanager
+def silent() -> Iterator[None]:
+    """Let nothing be printed meanwhile, by any thread that does not wait for `STDOUT`."""
+    with STDOUT, redirect_stdout(StringIO()):
+        yield
 
 
 class Bytes(click.ParamType):  # type: ignore[type-arg]

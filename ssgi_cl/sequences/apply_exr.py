@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from contextlib import redirect_stdout
 from dataclasses import dataclass
-from io import StringIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,6 +15,7 @@ from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.io import exr
+from ssgi_cl.io.console import silent
 from ssgi_cl.sequences.exr_image import ExrImage
 from ssgi_cl.sequences.exr_passes import Passes, camera_of, interpreted
 from ssgi_cl.sequences.frame_result import FrameFile, FrameRows
@@ -88,7 +87,7 @@ class ApplyExr:
     def stored(self, source: Path, rows: tuple[int, int] | None = None) -> tuple[dict[str, Any], str, list[str]]:
         """Return the arrays that the technique reads as a file has them, the expected kind of depth, and notes."""
         passes = self.passes
-        with redirect_stdout(StringIO()):  # OpenEXR prints warnings there; errors are raised too
+        with silent():  # OpenEXR prints warnings there; errors are raised too
             arrays, expected = exr.read_with_kind(
                 source, passes.channels, layer=passes.layer, part=passes.part, layout=passes.layout, rows=rows
             )
@@ -145,7 +144,7 @@ def lights_of(sky: tuple[float, ...] | None, sun: tuple[float, ...] | None) -> t
 
 def _image(path: Path) -> NDArray[np.float32]:
     """Return R, G and B of an OpenEXR file, [rows, columns, 3]."""
-    with redirect_stdout(StringIO()):
+    with silent():
         present = exr.read(path)
     missing = [name for name in "RGB" if name not in present]
     if missing:

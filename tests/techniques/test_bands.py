@@ -203,7 +203,9 @@ def test_a_band_that_never_fits_says_so(runtime: Runtime) -> None:
     camera = gi.Camera.look_at((0, 0, 0), (0, 0, -1), width=2048, height=256)
     gbuffer = gi.GBuffer(camera=camera, depth=np.full((256, 2048), 2.0, np.float32))
     limit = runtime.memory.limit
-    with pytest.raises(DeviceMemoryError, match=r"max_memory leaves 1048576 bytes to the device: a band of \d+ rows does not fit"):
+    with pytest.raises(
+        DeviceMemoryError, match=r"max_memory leaves 1048576 bytes to the device: a band of \d+ rows does not fit"
+    ):
         gi.gtao(gbuffer, radius=0.1, runtime=runtime, max_memory=1 << 20)
     assert runtime.memory.limit == limit
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import wraps
 from typing import Any, NamedTuple, ParamSpec, Protocol, TypeVar
@@ -33,7 +33,7 @@ LEAST_MEMORY, MOST_MEMORY = 1 << 20, 1 << 62
 """Range of `max_memory`, bytes."""
 SAME_HALO = 1.3
 """Times the rows that a band needs round it that it takes where the one before had as many: memory is used again."""
-FILLED, GROWN = 0.9, 1.2
+FILLED, GROWN = 0.75, 1.2
 """Share of the memory that bands are meant to fill, and times their rows that they grow by to do so."""
 PIXEL_BYTES = 56
 """Of device memory for a pixel and layer: depth, normals and albedo, a technique's copy and its result. Bands are tried
@@ -192,8 +192,10 @@ def each_band(
     Raises:
         DeviceMemoryError: not even the lowest band fits.
     """
-    height, first, halo, may_grow = image.size[0], 0, 0, True
+    height, first, halo = image.size[0], 0, 0
     rows = _first_guess(image, plan, most)
+    may_grow = rows < height
+    held = _emptied(runtime) if may_grow else 0
     while first < height:
         end = min(first + rows, height)
         try:
@@ -213,8 +215,21 @@ def each_band(
         yield FoundRows(first, end, found)
         first, halo = end, work.halo
         if may_grow:
-            fitting = int(FILLED * most * work.rows / max(peak, 1)) - (work.rows - rows)
+            fitting = int(FILLED * (most - held) * work.rows / max(peak - held, 1)) - (work.rows - rows)
             rows, may_grow = max(rows, fitting // ALIGNED * ALIGNED), fitting > GROWN * rows
+
+
+def _emptied(runtime: Runtime) -> int:
+    """Let go of all that earlier calls left; return the bytes that objects hold."""
+    memory = runtime.memory
+    with runtime.lock:
+        before, memory.limit = memory.limit, 0
+        try:
+            with suppress(DeviceMemoryError):
+                runtime.exclusively(lambda: runtime.require(0, ""))
+        finally:
+            memory.limit = before
+        return memory.used
 
 
 @contextmanager

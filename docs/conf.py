@@ -57,11 +57,14 @@ def setup(app: Any) -> None:
     """Write the pages that are made from the code and resolve the links of the others."""
     api_pages.write(ROOT, DOCS / "generated/api")
     links.write_project(ROOT, DOCS)
+    links.remove_stale(ROOT, DOCS)
 
     def read(app: Any, name: str, source: list[str]) -> None:
         page = str(app.env.doc2path(name))
         if page.endswith(".md") and "/generated/" not in page:
             source[0] = links.resolved(source[0], Path(page).relative_to(ROOT), ROOT)
+        if name == "techniques/README":  # as a page of the repository it has a table alone
+            source[0] += "\n```{toctree}\n:glob:\n:hidden:\n\n*\n```\n"
 
     def describe(app: Any, what: str, name: str, value: Any, options: Any, lines: list[str]) -> None:
         lines[:] = docstrings.prepared(lines)

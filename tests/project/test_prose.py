@@ -21,6 +21,7 @@ ROOT = Path(__file__).parents[2]
 PAGES = sorted(
     path.relative_to(ROOT).as_posix()
     for path in (*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), ROOT / "kernels/README.md")
+    if not {"generated", "_build"} & set(path.relative_to(ROOT).parts)  # of the site
 )
 
 NAME = r"[A-Za-z_]\w*"

@@ -1,4 +1,4 @@
-"""Links of Markdown pages, for the site: pages of other folders become pages of it, other files are offered as they are."""
+"""Links of Markdown pages, for the site: pages of other folders become pages of it, files are offered as they are."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ OUTSIDE: Mapping[str, str] = {
     "kernels/README.md": "kernels",
 }
 """Pages outside of docs, seen from the root of the checkout -> names in `PROJECT`."""
+
+GALLERY = "docs/gallery/"
 
 PROJECT = "generated/project"
 """Folder of their copies, seen from docs."""
@@ -41,8 +43,8 @@ def resolved(text: str, page: Path, root: Path) -> str:
             return f"[{label}](/index.md)"
         if target in OUTSIDE:
             return f"{mark}[{label}](/{PROJECT}/{OUTSIDE[target]}.md{hash_}{anchor})"
-        if target.startswith(("docs/gallery/", "docs/gallery")):
-            return f"[{label}](/generated/{target.removeprefix('docs/').removesuffix('.py')}{gallery_page(target)})"
+        if target.startswith(GALLERY):
+            return f"[{label}](/generated/gallery/{gallery_page(target.removeprefix(GALLERY))})"
         if target.startswith("docs/") and (root / target).is_file():
             return f"{mark}[{label}](/{target.removeprefix('docs/')}{hash_}{anchor})"
         if (root / target).is_file():
@@ -53,9 +55,19 @@ def resolved(text: str, page: Path, root: Path) -> str:
     return "".join(part if part.startswith("```") else _LINK.sub(one, part) for part in _FENCE.split(text))
 
 
-def gallery_page(target: str) -> str:
-    """Return what the address of a gallery's page ends with."""
-    return ".rst" if target.endswith(".py") else "/index.rst"
+def gallery_page(script: str) -> str:
+    """Return the page of a script, or of a folder's README.rst, seen from the folder of built pages."""
+    return script.replace("README.rst", "index.rst").removesuffix(".py").removesuffix(".rst") + ".rst"
+
+
+def remove_stale(root: Path, docs: Path) -> None:
+    """Remove what was made of scripts of the gallery that are no more."""
+    built = docs / "generated/gallery"
+    for page in built.rglob("*.rst"):
+        script = root / GALLERY / page.relative_to(built).with_suffix(".py")
+        if page.name != "index.rst" and not script.exists():
+            for path in page.parent.glob(f"{page.stem}.*"):
+                path.unlink()
 
 
 def write_project(root: Path, docs: Path) -> None:

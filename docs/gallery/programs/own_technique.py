@@ -45,7 +45,7 @@ room = hall()
 camera = room.camera(320, 240)
 gbuffer = gi.rasterize.gbuffer(room.scene, camera)
 runtime = gi.Runtime.open()
-program = cl.Program(runtime.context, SOURCE).build()
+obscurance = cl.Kernel(cl.Program(runtime.context, SOURCE).build(), "obscurance")
 READ, rows, columns = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR, *gbuffer.size
 view = np.ascontiguousarray(gbuffer.normal @ camera.view[:3, :3].T, np.float32)
 inputs = [cl.Buffer(runtime.context, READ, hostbuf=np.ascontiguousarray(a)) for a in (gbuffer.depth, view)]
@@ -53,7 +53,7 @@ own = np.empty((rows, columns), np.float32)
 output = cl.Buffer(runtime.context, cl.mem_flags.WRITE_ONLY, own.nbytes)
 size = np.array((columns, rows), np.int32)
 scale = np.float32(1 / camera.projection.diagonal()[:2])
-program.obscurance(runtime.queue, (columns, rows), None, *inputs, output, size, scale, np.float32(room.ao_radius))
+obscurance(runtime.queue, (columns, rows), None, *inputs, output, size, scale, np.float32(room.ao_radius))
 cl.enqueue_copy(runtime.queue, own, output)
 
 rays = gi.truth.ambient_occlusion(room.scene, camera, radius=room.ao_radius, rays=256).mean

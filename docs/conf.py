@@ -11,6 +11,7 @@ ROOT = DOCS.parent
 sys.path.insert(0, str(ROOT))
 
 from ssgi_cl.version import __version__  # noqa: E402
+from tools import pictures  # noqa: E402
 from tools.site import api_pages, docstrings, links  # noqa: E402
 
 project = "ssgi_cl"
@@ -48,6 +49,7 @@ sphinx_gallery_conf: dict[str, Any] = {
     "download_all_examples": False,
     "min_reported_time": 1e9,
     "write_computation_times": False,
+    "subsection_order": [f"gallery/{part}" for part in ("arrays", "light", "errors", "programs")],
     "within_subsection_order": "FileNameSortKey",
     "abort_on_example_error": True,
 }
@@ -70,4 +72,5 @@ def setup(app: Any) -> None:
         lines[:] = docstrings.prepared(lines)
 
     app.connect("source-read", read)
+    app.connect("env-check-consistency", lambda app, env: pictures.compress_gallery(DOCS))  # before they are copied
     app.connect("autodoc-process-docstring", describe, priority=100)  # before Napoleon

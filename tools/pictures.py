@@ -25,14 +25,23 @@ def pictures(docs: Path) -> list[Path]:
 
 
 def compress(path: Path) -> None:
-    """Write a PNG file again as small as is possible with the same pixels: grey ones in one channel."""
+    """Write a PNG file again, as small as is possible with the same pixels: no alpha or colour without need."""
     before = path.read_bytes()
     with Image.open(path) as image:
         image.load()
-        grey = image.convert("L") if image.mode == "RGB" and is_grey(image) else image
-        grey.save(path, optimize=True)
+        opaque = image.convert("RGB") if image.mode == "RGBA" and image.getextrema()[3] == (255, 255) else image
+        (opaque.convert("L") if opaque.mode == "RGB" and is_grey(opaque) else opaque).save(path, optimize=True)
     if path.stat().st_size >= len(before):
         path.write_bytes(before)
+
+
+def compress_gallery(docs: Path) -> None:
+    """Compress the pictures that scripts have just made, which are the ones with an alpha channel."""
+    for path in (docs / "generated/gallery").rglob("*.png"):
+        with Image.open(path) as image:
+            fresh = image.mode == "RGBA"
+        if fresh:
+            compress(path)
 
 
 def is_grey(image: Image.Image) -> bool:

@@ -162,7 +162,22 @@ def test_compression_changes_no_pixel(tmp_path: Path, rng: np.random.Generator, 
     before = path.stat().st_size
     pictures.compress(path)
     assert path.stat().st_size < before
-    np.testing.assert_array_equal(np.asarray(Image.open(path).convert("RGB")), pixels)
+    with Image.open(path) as image:
+        np.testing.assert_array_equal(np.asarray(image.convert("RGB")), pixels)
+        assert image.mode == ("L" if grey else "RGB")
+
+
+def test_pictures_of_scripts_are_compressed_and_lose_their_alpha(tmp_path: Path) -> None:
+    folder = tmp_path / "generated/gallery/images"
+    folder.mkdir(parents=True)
+    opaque, clear = np.full((40, 40, 4), 255, np.uint8), np.full((40, 40, 4), 255, np.uint8)
+    opaque[:20, :, 0], clear[:20, :, 3] = 0, 0
+    for name, pixels in (("opaque", opaque), ("clear", clear)):
+        Image.fromarray(pixels).save(folder / f"{name}.png")
+    pictures.compress_gallery(tmp_path)
+    for name, mode in (("opaque", "RGB"), ("clear", "RGBA")):
+        with Image.open(folder / f"{name}.png") as image:
+            assert image.mode == mode
 
 
 # ---- a release

@@ -74,6 +74,7 @@ test-all: setup
 		[ -z "$$label" ] || { echo "on $$label"; \
 		SSGI_CL_DEVICE="$$label" $(BIN)/python -m pytest -m "not slow" $(PARALLEL) || exit 1; }; \
 	done
+	$(MAKE) docs
 
 # Works on a copy of the tree; build/mutation.md is the report. MUTATE="--help" lists the options.
 MUTATE ?=

@@ -13,7 +13,7 @@ PARALLEL ?= --numprocesses 2 --dist loadfile
 MESHES ?=
 FIGURES ?=
 
-.PHONY: help setup system demo test test-all mutate torture lint format figures figures-render figures-agreement clean
+.PHONY: help setup system demo test test-all mutate torture lint format docs dist pictures figures figures-render figures-agreement clean
 
 help:
 	@echo "make demo [SCENE=path.glb]  render two built-in scenes, and your own, to out/; one beside a path tracer"
@@ -23,6 +23,9 @@ help:
 	@echo "make torture                threads, interrupts, kills, limits and hostile input, from a seed"
 	@echo "make lint                   check style and types, and kernels with clang"
 	@echo "make format                 format Python and OpenCL C"
+	@echo "make docs [GALLERY=0]       build the documentation site to docs/_build/html; GALLERY=0 runs no scripts"
+	@echo "make pictures               make the pictures of README and docs, small"
+	@echo "make dist                   build wheel and sdist to dist/, and try them in a clean environment"
 	@echo "make figures [MESHES=dir]   record every figure of README and docs on this machine, from a clean revision"
 	@echo "make figures-render         make README and docs from the recorded figures"
 	@echo "make figures-agreement      docs/agreement.md: all drivers held to each other, slow"
@@ -41,7 +44,7 @@ $(STAMP): pyproject.toml Makefile tools/system-packages.sh
 	@PYTHON=$(PYTHON) sh tools/system-packages.sh & \
 	$(PYTHON) -m venv $(VENV) && \
 	$(BIN)/python -m pip install --quiet --upgrade pip && \
-	$(BIN)/python -m pip install --quiet --editable '.[pocl,opengl,draco,truth,plots,cluster,test]'; \
+	$(BIN)/python -m pip install --quiet --editable '.[pocl,opengl,draco,truth,plots,cluster,docs,test]'; \
 	status=$$?; wait; exit $$status
 	@touch $(STAMP)
 
@@ -71,6 +74,7 @@ test-all: setup
 		[ -z "$$label" ] || { echo "on $$label"; \
 		SSGI_CL_DEVICE="$$label" $(BIN)/python -m pytest -m "not slow" $(PARALLEL) || exit 1; }; \
 	done
+	$(MAKE) docs
 
 # Works on a copy of the tree; build/mutation.md is the report. MUTATE="--help" lists the options.
 MUTATE ?=
@@ -93,6 +97,19 @@ lint: setup
 	cd build/types && PYTHONPATH=. $(CURDIR)/$(BIN)/lint-imports --config $(CURDIR)/pyproject.toml
 	$(BIN)/python -m pytest --quiet --numprocesses 2 tests/lint_kernel_files.py
 
+# Warnings are errors. Scripts of the gallery whose text did not change do not run again.
+GALLERY ?= 1
+docs: setup
+	$(BIN)/python -m sphinx -W --keep-going -q -b html -d docs/_build/doctrees \
+		-D plot_gallery=$(GALLERY) docs docs/_build/html
+	@echo "docs/_build/html/index.html"
+
+pictures: setup
+	$(BIN)/python -m tools.pictures
+
+dist: setup
+	PYTHON=$(PYTHON) VENV=$(VENV) sh tools/dist.sh
+
 # About 20 minutes on two cores. FIGURES="--quick --allow-dirty" tries it.
 figures: setup
 	$(BIN)/python -m tools.figures $(if $(MESHES),--meshes "$(MESHES)") $(FIGURES)
@@ -108,4 +125,4 @@ format: setup
 	git ls-files 'kernels/*.cl' 'kernels/*.clh' | xargs $(BIN)/clang-format -i
 
 clean:
-	rm -rf $(VENV) out build dist *.egg-info
+	rm -rf $(VENV) out build dist *.egg-info docs/_build docs/generated

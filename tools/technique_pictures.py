@@ -1,6 +1,7 @@
 """Pictures of docs/techniques: `python -m tools.technique_pictures [NAME ...]`.
 
-Each is a PNG of two panels, 320 x 240 pixels, of a built-in scene. `PICTURES` says what they show.
+Each is a PNG of two or three panels, 320 x 240 pixels, of a built-in scene: the result, and what it is held to; where
+that is a reference, the error too. `PICTURES` says what they show.
 """
 
 from __future__ import annotations
@@ -22,7 +23,9 @@ from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, BuiltinScene
 
 FOLDER = Path(__file__).parents[1] / "docs/images"
 WIDTH, HEIGHT = 320, 240
-RAYS, PATHS = 256, 128
+RAYS, PATHS = 256, 512
+WHITE_AO, WHITE_LIGHT = 0.25, 1.0
+"""Errors that are white: of ambient occlusion, and of light as a share of the reference's mean."""
 
 Picture = NDArray[np.uint8]
 
@@ -46,6 +49,12 @@ def _maps(name: str) -> list[Any]:
 
 def _grey(share: NDArray[Any]) -> Picture:
     return np.repeat(np.uint8(np.clip(share, 0, 1) * 255 + 0.5)[..., None], 3, axis=-1)
+
+
+def _error(found: NDArray[Any], reference: NDArray[Any], white: float) -> Picture:
+    """Return the absolute error, 0 black; of light the mean of its colours."""
+    error = np.abs(np.asarray(found, np.float64) - reference)
+    return _grey((error if error.ndim == 2 else error.mean(axis=-1)) / white)
 
 
 def _light(*panels: NDArray[Any]) -> tuple[Picture, ...]:
@@ -72,18 +81,25 @@ def _paths(name: str) -> NDArray[Any]:
 
 def _occlusion(technique: Callable[..., Any]) -> tuple[Picture, ...]:
     built, _, gbuffer = _scene("hall")
-    return _grey(technique(gbuffer, radius=built.ao_radius)), _grey(_rays("hall"))
+    ao, rays = technique(gbuffer, radius=built.ao_radius), _rays("hall")
+    return _grey(ao), _grey(rays), _error(ao, rays, WHITE_AO)
 
 
 def _reflected(technique: Callable[..., Any], **params: Any) -> tuple[Picture, ...]:
     _, _, gbuffer = _scene("cornell_box")
-    return _light(technique(gbuffer, _maps("cornell_box"), **params), _paths("cornell_box"))
+    return _beside_paths(technique(gbuffer, _maps("cornell_box"), **params))
+
+
+def _beside_paths(light: NDArray[Any]) -> tuple[Picture, ...]:
+    """Return light of the Cornell box, that of paths, and the error."""
+    paths = _paths("cornell_box")
+    return (*_light(light, paths), _error(light, paths, WHITE_LIGHT * float(paths.mean())))
 
 
 def _ray_ao() -> tuple[Picture, ...]:
     built, camera, gbuffer = _scene("hall")
     few: Any = gi.ray_ao(built.scene, camera, radius=built.ao_radius, rays=4, gbuffer=gbuffer)
-    return _grey(few), _grey(_rays("hall"))
+    return _grey(few), _grey(_rays("hall")), _error(few, _rays("hall"), WHITE_AO)
 
 
 def _multi_bounce() -> tuple[Picture, ...]:
@@ -173,7 +189,7 @@ def _ssdo() -> tuple[Picture, ...]:
     built, _, gbuffer = _scene("cornell_box")
     lights = [light for light in built.lights if not isinstance(light, gi.Environment)]
     _, bounce = gi.ssdo(gbuffer, lights, radius=2.0, shadow_maps=_maps("cornell_box"), slices=4, emission=False)
-    return _light(bounce, _paths("cornell_box"))
+    return _beside_paths(bounce)
 
 
 PICTURES: dict[str, Callable[[], tuple[Picture, ...]]] = {
@@ -199,17 +215,17 @@ PICTURES: dict[str, Callable[[], tuple[Picture, ...]]] = {
     ),
     "multires_splat": lambda: _reflected(gi.multires_splat, visibility=True, scene=_scene("cornell_box")[0].scene),
 }
-"""Name of a technique -> makes its two panels, left and right."""
+"""Name of a technique -> makes its panels, from left to right."""
 
 
 def main(names: list[str]) -> None:
     """Write the pictures of some techniques, or of all."""
     FOLDER.mkdir(parents=True, exist_ok=True)
     for name in names or PICTURES:
-        left, right = PICTURES[name]()
+        first, *rest = PICTURES[name]()
         gap = np.full((HEIGHT, 4, 3), 255, np.uint8)
         path = FOLDER / f"{name}.png"
-        png.write(path, np.concatenate([left, gap, right], axis=1))
+        png.write(path, np.concatenate([first, *(part for panel in rest for part in (gap, panel))], axis=1))
         print(f"{path.name}: {path.stat().st_size / 1024:.0f} KiB")
 
 

@@ -2,8 +2,8 @@
 
     python -m ssgi_cl.bench.experiments.bands [--size 16384] [--max-memory 4GiB] [--pairs 3]
 
-Prints two tables: calls on arrays of the hall, and `ssgi apply gtao` on a depth map in a file, each in a process of
-its own, whose peak of resident memory counts. All results are compared bit by bit.
+Prints two tables: `ssgi apply gtao` on a depth map in a file, each run in a process of its own, whose peak of resident
+memory counts; and calls on arrays of the hall. All results are compared bit by bit.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -33,15 +33,15 @@ SHARES = 1.5, 2
 """Of the memory that a call takes, the parts that bands get."""
 
 
-def main() -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--size", type=int, default=16384, help="rows and columns of the file")
     parser.add_argument("--max-memory", default="4GiB")
     parser.add_argument("--pairs", type=int, default=3)
-    given = parser.parse_args()
-    _arrays(given.pairs)
+    given = parser.parse_args(arguments)
+    _files(given.size, given.max_memory, given.pairs)  # first: a child begins with the peak of its parent
     print(flush=True)
-    _files(given.size, given.max_memory, given.pairs)
+    _arrays(given.pairs)
 
 
 def _arrays(pairs: int) -> None:
@@ -115,7 +115,7 @@ def _files(size: int, most: str, pairs: int) -> None:
 def _run(*arguments: str) -> tuple[float, float]:
     """Run a command; return seconds and the peak of its resident memory in MiB."""
     start = time.perf_counter()
-    child = subprocess.Popen([sys.executable, "-m", "ssgi_cl.cli.command", *arguments], stdout=subprocess.DEVNULL)
+    child = subprocess.Popen([sys.executable, "-m", "ssgi_cl", *arguments], stdout=subprocess.DEVNULL)
     _, status, usage = os.wait4(child.pid, 0)
     child.returncode = os.waitstatus_to_exitcode(status)
     if child.returncode:

@@ -130,6 +130,7 @@ PREPARED: dict[str, Callable[[Path], dict[str, Any]]] = {
     "docs/start/mesh.md": nothing,
     "docs/start/methods.md": nothing,
     "docs/conventions.md": nothing,
+    "docs/large_images.md": nothing,
     "docs/light.md": nothing,
     "docs/versions.md": nothing,
     "CONTRIBUTING.md": nothing,

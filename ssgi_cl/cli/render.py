@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable
 from difflib import get_close_matches
 from functools import partial
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ssgi_cl.cli.facts import camera_facts, light_facts
+from ssgi_cl.cli.frames import cameras_option, frames_options
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.errors import shown
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light
@@ -53,6 +53,7 @@ _AS_GIVEN = (
 _GROUPS = {
     "Output": ("output", "views", "width", "height", "exposure"),
     "Scene and camera": ("eye", "target", "up", "fov", "camera", "cull", "no_textures"),
+    "Many pictures": ("cameras", "frames", "again", "scheduler"),
     "Light": (
         *("ambient", "environment", "bounces", "ao", "ao_radius", "ao_samples"),
         *("indirect", "method", "vpls", "glossy_vpls", "indirect_ao"),
@@ -89,6 +90,7 @@ _GROUPS = {
     "SCENE with .scene.json at its end, else SCENE's first camera, else one that shows "
     "the scene well.",
 )
+@cameras_option
 @click.option(
     "--cull",
     type=click.Choice(list(_CULL)),
@@ -177,10 +179,20 @@ _GROUPS = {
 @click.option("--explain", is_flag=True, help="Say of all that was left out how much time that saves, by estimate.")
 @click.option("--no-skips", is_flag=True, help="Leave nothing out; the picture is the same.")
 @click.option("--exposure", type=float, help="Factor before the tone curve; automatic by default.")
+@frames_options
 @device_option
 @json_option
 @human_errors
-def render_command(scene: str, output: Path, as_json: bool, **options: Any) -> None:
+def render_command(
+    scene: str,
+    output: Path,
+    cameras: Path | None,
+    frames: str | None,
+    again: bool,
+    scheduler: str | None,
+    as_json: bool,
+    **options: Any,
+) -> None:
     """Render SCENE, a .glb, .gltf, .obj or .ply file with y up, a built-in scene (cornell_box,
     hall, parlour, terrace, workshop), or a generated one: KIND-SEED, such as room-7, with KIND
     room, colonnade, foliage, machine, street or terrain.
@@ -188,7 +200,23 @@ def render_command(scene: str, output: Path, as_json: bool, **options: Any) -> N
     A file's scene is lit by the lights that the file describes (glTF, KHR_lights_punctual), one
     without by a sun and a sky, a closed room by a light. What a file says that is not drawn is
     listed. Times are milliseconds on the device.
+
+    With --cameras the scene is loaded once, and a picture drawn for each; what is done already is skipped, and the
+    exit status is 1 if any failed. Without lights of its own the scene is lit as for the first camera in all of
+    them.
     """
+    if cameras is not None:
+        from ssgi_cl.cli.views import render_views
+
+        render_views(scene, cameras, output, options, frames, again=again, scheduler=scheduler, as_json=as_json)
+        return
+    if frames is not None or again or scheduler is not None:
+        raise click.UsageError("--frames, --again and --scheduler go with --cameras")
+    _render_one(scene, output, options, as_json=as_json)
+
+
+def _render_one(scene: str, output: Path, options: dict[str, Any], *, as_json: bool) -> None:
+    """Render one picture and report what ran."""
     endings: tuple[str, ...] = ()
     if options["views"]:
         endings = (".exr", *(f".{name}.png" for name in (*VIEWS, "ao", "levels")))
@@ -228,7 +256,7 @@ def render_command(scene: str, output: Path, as_json: bool, **options: Any) -> N
 
 
 def frame_arguments(
-    scene: str, options: dict[str, Any], step: Callable[[str], None]
+    scene: str, options: dict[str, Any], step: Callable[[str], None], view: Camera | None = None
 ) -> tuple[Scene, Camera, tuple[Light, ...], dict[str, Any]]:
     """Return the scene, the camera, the lights and the other arguments of `render` but `skips`.
 
@@ -236,20 +264,22 @@ def frame_arguments(
         scene: as given on the command line.
         options: of the command `ssgi render` that shape a frame.
         step: is called with the name of each step.
+        view: the camera, in place of what the options say.
     """
-    from ssgi_cl.rasterize.scenes import SCENE_NAMES, is_scene, make_scene
+    from ssgi_cl.rasterize.scenes import is_scene, make_scene
 
     given = [f"--{name}" for name in ("eye", "target", "up", "fov") if options[name] is not None]
     if options["camera"] is not None and given:
         raise click.UsageError(f"--camera and {given[0]} exclude each other")
-    if not is_scene(scene):
-        _check_file(Path(scene), SCENE_NAMES)
+    check_scene(scene)
     around = None if options["environment"] is None else _environment(options["environment"])
     step("opening the device")
     runtime = Runtime.open(options["device"])
     step(f"loading {scene}")
     loaded, camera, lights, radius = (
-        _builtin(make_scene(scene), options) if is_scene(scene) else _from_file(Path(scene), options, runtime)
+        _builtin(make_scene(scene), options, view)
+        if is_scene(scene)
+        else _from_file(Path(scene), options, runtime, view)
     )
     if around is not None:
         lights = (*(light for light in lights if not isinstance(light, _OUTDOORS)), around)
@@ -292,11 +322,13 @@ def _environment(text: str) -> Environment:
     return Environment(radiance)
 
 
-def _check_file(path: Path, scenes: str) -> None:
-    """Raise unless there is a file, or its name ends like a scene file's, which is read later."""
-    from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
+def check_scene(name: str) -> None:
+    """Raise unless there is such a scene or file, or the name ends like a scene file's, which is read later."""
+    from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, SCENE_NAMES, is_scene
 
-    name = os.fspath(path)
+    if is_scene(name):
+        return
+    path, scenes = Path(name), SCENE_NAMES
     if path.is_dir():
         raise ValueError(f"scene is {name!r}: it is a folder; expected a file or {scenes}")
     if not path.exists() and path.suffix.lower() not in READERS:
@@ -311,9 +343,20 @@ def _size(options: dict[str, Any]) -> tuple[int, int]:
     return 800 if width is None else width, 600 if height is None else height
 
 
-def _builtin(builtin: BuiltinScene, options: dict[str, Any]) -> tuple[Scene, Camera, tuple[Light, ...], float | None]:
+def scene_of_file(path: Path, options: dict[str, Any]) -> Scene:
+    """Return the scene of a file, as the options say."""
+    from ssgi_cl.rasterize import load_scene
+
+    return load_scene(path, textures=not options.get("no_textures"), cull=_CULL[options.get("cull", "file")])
+
+
+def _builtin(
+    builtin: BuiltinScene, options: dict[str, Any], view: Camera | None
+) -> tuple[Scene, Camera, tuple[Light, ...], float | None]:
     width, height = _size(options)
-    if options["camera"] is not None:
+    if view is not None:
+        camera = view
+    elif options["camera"] is not None:
         camera = _camera_file(Path(options["camera"]), options)
     else:
         camera = Camera.look_at(
@@ -329,9 +372,8 @@ def _builtin(builtin: BuiltinScene, options: dict[str, Any]) -> tuple[Scene, Cam
 
 
 def _from_file(
-    path: Path, options: dict[str, Any], runtime: Runtime
+    path: Path, options: dict[str, Any], runtime: Runtime, view: Camera | None
 ) -> tuple[Scene, Camera, tuple[Light, ...], float | None]:
-    from ssgi_cl.rasterize import load_scene
     from ssgi_cl.rasterize.raster.default_camera import default_lights
 
     if (options["eye"] is None) != (options["target"] is None):
@@ -342,7 +384,7 @@ def _from_file(
     yfov = yfov_of(options, math.radians(DEFAULT_FOV))
     # The camera's size and the rest of it are checked before a large scene is loaded.
     Camera.look_at((0, 0, 1), (0, 0, 0), yfov=yfov, width=width, height=height)
-    camera = None
+    camera = view
     if options["eye"] is not None:
         camera = Camera.look_at(
             options["eye"], options["target"], options["up"] or (0.0, 1.0, 0.0), yfov=yfov, width=width, height=height
@@ -351,7 +393,7 @@ def _from_file(
         file = Path(options["camera"])
         if file.suffix.lower() == ".json" or file.is_file():
             camera = _camera_file(file, options)
-    scene = load_scene(path, textures=not options.get("no_textures"), cull=_CULL[options.get("cull", "file")])
+    scene = scene_of_file(path, options)
     camera = camera or _camera_of(scene, path, options, runtime)
     lights = scene.lights or default_lights(scene, camera, runtime, emission=_whole(options))
     return scene, camera, lights, None

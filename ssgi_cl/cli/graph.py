@@ -7,7 +7,8 @@ from typing import Any
 
 import click
 
-from ssgi_cl.cli.render import frame_arguments, render_command
+from ssgi_cl.cli.frame_arguments import frame_arguments
+from ssgi_cl.cli.render import render_command
 from ssgi_cl.core.atomic import replacement
 from ssgi_cl.frame.record import GraphRecord
 from ssgi_cl.frame.render import render

@@ -12,8 +12,8 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.cli.frame_arguments import check_scene, frame_arguments, scene_of_file
 from ssgi_cl.cli.frames import numbered, report_frames
-from ssgi_cl.cli.render import check_scene, frame_arguments, scene_of_file
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.errors import SceneError
 from ssgi_cl.frame.render import render

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,7 @@ def on_cluster(
     files: Sequence[Path | None],
     retries: int,
     report: Callable[[FrameResult], None],
+    resources: Mapping[str, float] | None = None,
 ) -> Iterator[FrameResult]:
     """Yield results in the order of the inputs; `work` is called with each and its file, all else as of `map_frames`.
 
@@ -32,7 +33,7 @@ def on_cluster(
         SequenceError: workers have another version of the library, there are none, or the scheduler was lost.
     """
     distributed = _distributed()
-    resources = _checked_workers(client)
+    resources = _checked_workers(client, resources)
     done: dict[int, FrameResult] = {}
     try:
         futures = {
@@ -80,8 +81,8 @@ def _distributed() -> Any:
         ) from error
 
 
-def _checked_workers(client: Any) -> dict[str, float] | None:
-    """Return the resources that a frame takes. SequenceError: no worker, or one of another version."""
+def _checked_workers(client: Any, wanted: Mapping[str, float] | None = None) -> Mapping[str, float] | None:
+    """Return the resources that a frame takes. SequenceError: no worker has them, or one is of another version."""
     try:
         client.wait_for_workers(1, timeout=30)
         versions = client.run(_version)
@@ -92,7 +93,15 @@ def _checked_workers(client: Any) -> dict[str, float] | None:
         listed = ", ".join(f"{address} has {version}" for address, version in sorted(wrong.items())[:5])
         raise SequenceError(f"workers have another version of ssgi_cl than {__version__}: {listed}; install the same")
     workers = client.scheduler_info(n_workers=-1)["workers"].values()
-    return {RESOURCE: 1.0} if all(RESOURCE in (each.get("resources") or {}) for each in workers) else None
+    has = [each.get("resources") or {} for each in workers]
+    if wanted is not None:
+        if not any(all(each.get(name, 0.0) >= amount for name, amount in wanted.items()) for each in has):
+            listed = " ".join(f"{name}={amount:g}" for name, amount in wanted.items())
+            raise SequenceError(
+                f"no worker has the resources that a task takes: start some with --resources '{listed}'"
+            )
+        return wanted
+    return {RESOURCE: 1.0} if all(RESOURCE in each for each in has) else None
 
 
 def _version() -> str:

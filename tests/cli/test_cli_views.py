@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from ssgi_cl.cli import views
+from ssgi_cl.cli import frame_arguments, views
 from ssgi_cl.io import exr
 from ssgi_cl.rasterize.raster.default_camera import cameras_from_json
 
@@ -114,7 +114,7 @@ def test_a_scene_that_changes_meanwhile_is_not_drawn(path: Path, corner: Path, t
     first = cameras_from_json(path, None, None)[0]
     options = {"environment": None, "device": None, "camera": None, "fov": None}
     options |= dict.fromkeys(("eye", "target", "up", "width", "height", "ambient", "bounces", "indirect"))
-    options |= dict.fromkeys(views.frame_arguments.__globals__["_AS_GIVEN"])
+    options |= dict.fromkeys(frame_arguments._AS_GIVEN)
     work = views.RenderView(
         scene=str(corner),
         options=options | {"ao": "none", "ao_radius": 1.0, "no_skips": False},

@@ -124,6 +124,9 @@ def checked_output(path: Path, suffixes: tuple[str, ...]) -> None:
         raise click.ClickException(f"--output is {path}: there is no folder {path.parent}")
     if path.is_dir():
         raise click.ClickException(f"--output is {path}: it is a folder, expected a file's name")
+    folder = os.path.dirname(os.path.realpath(path))  # of the file itself, which is replaced
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise click.ClickException(f"--output is {path}: no file can be made in the folder {folder}")
 
 
 def yfov_of(options: dict[str, Any], default: float) -> float:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future
 from importlib import import_module
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 from ssgi_cl.core.errors import MissingExtraError, SequenceError
@@ -14,6 +16,8 @@ from ssgi_cl.version import __version__
 
 RESOURCE = "GPU"
 """Resource of workers, of which a frame takes one where all workers have it: a GPU gets one frame at a time."""
+ANSWER, WORKERS = 10.0, 30.0
+"""Seconds that a scheduler has to answer, and a cluster to have a first worker."""
 _LIMITS = ("POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT")
 
 
@@ -37,7 +41,9 @@ def on_cluster(
     done: dict[int, FrameResult] = {}
     try:
         futures = {
-            client.submit(_on_worker, work, source, file, pure=False, retries=retries, resources=resources): number
+            client.submit(
+                _on_worker, __version__, work, source, file, pure=False, retries=retries, resources=resources
+            ): number
             for number, (source, file) in enumerate(zip(inputs, files, strict=True))
         }
         for future in distributed.as_completed(futures):
@@ -66,10 +72,21 @@ def connected(address: str) -> Any:
         MissingExtraError: Dask distributed is not installed.
         SequenceError: the scheduler does not answer.
     """
+    client_of, made = _distributed().Client, Future[Any]()
+
+    def connect() -> None:
+        try:
+            made.set_result(client_of(address, timeout=ANSWER))
+        except Exception as error:
+            made.set_exception(error)
+
+    # In a thread of its own: Dask's limit does not hold for what takes the connection and says nothing.
+    Thread(target=connect, daemon=True).start()
     try:
-        return _distributed().Client(address, timeout=10)
+        return made.result(timeout=1.5 * ANSWER)
     except (OSError, ValueError, TypeError) as error:
-        raise SequenceError(f"the scheduler at {address} does not answer: {error}") from error
+        why = str(error) or f"it said nothing for {1.5 * ANSWER:g} s"
+        raise SequenceError(f"the scheduler at {address} does not answer: {why}") from error
 
 
 def _distributed() -> Any:
@@ -84,10 +101,10 @@ def _distributed() -> Any:
 def _checked_workers(client: Any, wanted: Mapping[str, float] | None = None) -> Mapping[str, float] | None:
     """Return the resources that a frame takes. SequenceError: no worker has them, or one is of another version."""
     try:
-        client.wait_for_workers(1, timeout=30)
+        client.wait_for_workers(1, timeout=WORKERS)
         versions = client.run(_version)
     except (OSError, TimeoutError) as error:
-        raise SequenceError(f"the scheduler does not answer, or has no worker after 30 s: {error}") from error
+        raise SequenceError(f"the scheduler does not answer, or has no worker after {WORKERS:g} s: {error}") from error
     wrong = {address: version for address, version in versions.items() if version != __version__}
     if wrong:
         listed = ", ".join(f"{address} has {version}" for address, version in sorted(wrong.items())[:5])
@@ -108,8 +125,14 @@ def _version() -> str:
     return __version__
 
 
-def _on_worker(work: Callable[..., FrameResult], *arguments: Any) -> FrameResult:
-    """Do a frame in a worker's process, on its share of the processor."""
+def _on_worker(version: str, work: Callable[..., FrameResult], *arguments: Any) -> FrameResult:
+    """Do a frame in a worker's process, on its share of the processor.
+
+    Raises:
+        SequenceError: this worker, which may have come later than the others, has another version of the library.
+    """
+    if version != __version__:
+        raise SequenceError(f"a worker has version {__version__} of ssgi_cl, and not {version}: install the same")
     threads = str(_distributed().get_worker().state.nthreads)
     for name in _LIMITS:  # read when PoCL is loaded, which the first frame does
         os.environ.setdefault(name, threads)

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -77,3 +80,22 @@ def test_numbers_need_a_place(depth_file: Path, tmp_path: Path) -> None:
     assert "there is no such frame" in fails(
         tmp_path, "apply", "gtao", tmp_path / "none.####.exr", "-o", tmp_path / "ao.####.exr"
     )
+
+
+@pytest.mark.slow
+def test_two_runs_at_once_on_one_output_and_cache(shot: Path, tmp_path: Path) -> None:
+    """Caches are new, so that both compile and keep the same kernels at the same time."""
+    folders = {"SSGI_CL_CACHE": str(tmp_path / "cache"), "POCL_CACHE_DIR": str(tmp_path / "pocl")}
+    command = [sys.executable, "-m", "ssgi_cl.cli.command", "apply", "gtao", str(shot), "--set", "radius=.4", "-o"]
+    both = [*command, str(tmp_path / "ao.####.exr")]
+    runs = [subprocess.Popen(both, env=os.environ | folders, stderr=subprocess.PIPE, text=True) for _ in range(2)]
+    for run in runs:
+        told = run.communicate(timeout=300)[1]
+        assert run.returncode == 0, told
+    subprocess.run([*command, str(tmp_path / "one.####.exr")], check=True, timeout=300)
+    for number in range(1, 5):
+        one, other = (tmp_path / f"{name}.{number:04d}.exr" for name in ("ao", "one"))
+        assert one.read_bytes() == other.read_bytes()
+    assert not list(tmp_path.glob(".ssgi-*"))
+    again = subprocess.run([*both, "--json"], check=True, timeout=300, capture_output=True, text=True)
+    assert lines(again.stdout)[-1] == {"frames": 4, "done": 0, "skipped": 4, "failed": 0}

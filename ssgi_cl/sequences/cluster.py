@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
@@ -66,13 +67,15 @@ def on_cluster(
 
 
 def connected(address: str) -> Any:
-    """Return a client of the scheduler at an address.
+    """Return a client of the scheduler at an address, for a command: what Dask logs besides is not shown.
 
     Raises:
         MissingExtraError: Dask distributed is not installed.
         SequenceError: the scheduler does not answer.
     """
     client_of, made = _distributed().Client, Future[Any]()
+    for name in ("distributed", "distributed.client"):  # which write tracebacks of what is told in a line
+        logging.getLogger(name).setLevel(logging.CRITICAL)
 
     def connect() -> None:
         try:

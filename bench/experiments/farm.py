@@ -109,9 +109,10 @@ class _Cluster:
             for _ in range(workers)
         ]
 
-    def kill_worker(self, rng: random.Random) -> bool:
-        """Kill the process of a worker at random; False if it has none just now."""
-        pids = _children(rng.choice(self.nannies).pid)
+    def kill_worker(self, rng: random.Random, trace: Path) -> bool:
+        """Kill the process of a worker at random; False if it has begun no frame yet, by the trace."""
+        begun = {int(line.split()[1]) for line in _lines(trace)}
+        pids = begun.intersection(_children(rng.choice(self.nannies).pid))
         for pid in pids:
             with suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
@@ -220,7 +221,7 @@ def _killed_workers(folder: Path, inputs: list[Path], kills: int, rng: random.Ra
         def kill() -> None:
             nonlocal killed
             while killed < kills and not done.wait(rng.uniform(0.5, 3.0)):
-                killed += cluster.kill_worker(rng)
+                killed += cluster.kill_worker(rng, folder / "workers.txt")
 
         killer = threading.Thread(target=kill)
         killer.start()
@@ -279,9 +280,13 @@ def _told(counts: Counter[str]) -> str:
     return ", ".join(f"{number} {state}" for state, number in sorted(counts.items()))
 
 
+def _lines(trace: Path) -> list[str]:
+    return trace.read_text(encoding="ascii").split("\n")[:-1] if trace.exists() else []
+
+
 def _checked(folder: Path, name: str, inputs: list[Path]) -> list[str]:
     """Return what is lost, was made though it was there, or differs from the run of one process."""
-    lines = (folder / f"{name}.txt").read_text(encoding="ascii").split("\n")[:-1]
+    lines = _lines(folder / f"{name}.txt")
     begun = Counter(line.split()[0] for line in lines)
     twice = [line.split()[0] for line in lines if line.endswith("there")]
     wrong = [f"{name}: {each} was done and was begun again" for each in twice]

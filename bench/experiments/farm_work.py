@@ -13,8 +13,9 @@ from ssgi_cl.sequences.frame_result import FrameFile
 
 SECONDS, TRACE, OUTPUTS = "SSGI_CL_FARM_SECONDS", "SSGI_CL_FARM_TRACE", "SSGI_CL_FARM_OUTPUTS"
 """Variables: seconds that a frame takes longer than it does, so that kills hit it; a file that gets a line for each
-frame that is begun, "NAME there" or "NAME new", as its result was there or not; the folder of the results. They are no
-fields of `Traced`, for those belong to the keys of results, which would differ from those of one process."""
+frame that is begun, "NAME PROCESS there" or "NAME PROCESS new", as its result was there or not; the folder of the
+results. They are no fields of `Traced`, for those belong to the keys of results, which would differ from those of one
+process."""
 _WORK = ApplyExr(technique="gtao", parameters={"radius": 0.4}, passes=Passes(nan="hole"))
 
 
@@ -28,7 +29,9 @@ class Traced:
             there = (Path(os.environ[OUTPUTS]) / source.name).exists()
             file = os.open(os.environ[TRACE], os.O_APPEND | os.O_CREAT | os.O_WRONLY)
             try:
-                os.write(file, f"{source.name} {'there' if there else 'new'}\n".encode())  # whole, amid no other
+                os.write(
+                    file, f"{source.name} {os.getpid()} {'there' if there else 'new'}\n".encode()
+                )  # whole, amid no other
             finally:
                 os.close(file)
         return _WORK.read(source)

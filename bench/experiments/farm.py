@@ -105,7 +105,7 @@ class _Cluster:
         self.address = f"tcp://127.0.0.1:{port}"
         self.scheduler = _process("scheduler", "--host", "127.0.0.1", "--port", port, "--no-dashboard")
         self.nannies = [
-            _process("worker", self.address, "--nworkers", 1, "--nthreads", 1, "--no-dashboard", "--death-timeout", 5)
+            _process("worker", self.address, "--nworkers", 1, "--nthreads", 1, "--no-dashboard", "--death-timeout", 60)
             for _ in range(workers)
         ]
 

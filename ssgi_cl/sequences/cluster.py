@@ -46,12 +46,25 @@ def on_cluster(
         once = partial(_on_worker, __version__, work)
         submitted = client.map(once, inputs, files, pure=False, retries=retries, resources=resources)
         futures = {future: number for number, future in enumerate(submitted)}
-        for future in distributed.as_completed(futures):
-            number = futures[future]
+        lost = [0] * len(inputs)
+        completed = distributed.as_completed(list(futures))
+        for future in completed:
+            number = futures.pop(future)
             try:
                 result = future.result()
             except distributed.CancelledError:  # by nobody here: with the scheduler all it knew is gone
                 break
+            except distributed.KilledWorker as error:
+                # Dask counts the deaths of a worker for all frames that wait for it, and gives up all of them.
+                lost[number] += 1
+                if lost[number] <= retries:
+                    (anew,) = client.map(
+                        once, [inputs[number]], [files[number]], pure=False, retries=retries, resources=resources
+                    )
+                    futures[anew] = number
+                    completed.add(anew)
+                    continue
+                result = FrameResult(inputs[number], files[number], "failed", reason=reason(error))
             except Exception as error:
                 result = FrameResult(inputs[number], files[number], "failed", reason=reason(error))
             done[number] = result

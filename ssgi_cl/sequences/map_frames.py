@@ -63,7 +63,8 @@ def map_frames(
         client: of Dask distributed: frames are computed by its workers, which must reach the files by the
             same paths, and have this version of the library. Without, by this process.
         again: whether to compute frames whose file is there, too.
-        retries: how often a frame is tried again on a cluster whose worker was lost.
+        retries: how often a frame is tried again on a cluster that gave it up, which Dask does after the fourth
+            death of a worker that had it.
         resources: what a frame takes of those of a worker of a cluster, by name; by default one "GPU" where all
             workers have it.
         progress: called with frames that are finished, all frames, and the seconds that are left by estimate.

@@ -100,6 +100,34 @@ def test_what_is_done_is_skipped_until_scene_camera_or_options_change(
     assert counts("--exposure", "2", "--frames", "1,3") == "2 done, 0 skipped, 0 failed"
 
 
+def test_lights_are_the_same_whatever_part_of_the_cameras_is_drawn(corner: Path, tmp_path: Path) -> None:
+    """The sun stands behind the first camera, not behind the one whose picture it is."""
+    back = camera(0.0, origin=[0, 1, -4], forward=[0, 0, 1])
+    cameras, alone = tmp_path / "path.json", tmp_path / "one.json"
+    cameras.write_text(json.dumps([camera(0.0), camera(0.5), back]))
+    alone.write_text(json.dumps(back))
+    arguments = ("render", corner, *FAST, "-o")
+    succeeds(*arguments, tmp_path / "a.####.png", "--cameras", cameras)
+    succeeds(*arguments, tmp_path / "b.####.png", "--cameras", cameras, "--frames", "3")
+    assert (tmp_path / "a.0003.png").read_bytes() == (tmp_path / "b.0003.png").read_bytes()
+    succeeds(*arguments, tmp_path / "c.png", "--camera", alone)
+    with Image.open(tmp_path / "a.0003.png") as one, Image.open(tmp_path / "c.png") as other:
+        assert np.abs(np.asarray(one).astype(int) - np.asarray(other)).max() > 10
+
+
+@pytest.mark.slow
+def test_workers_write_the_same_bytes(path: Path, tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed", reason="Dask distributed is not installed (extra 'cluster')")
+    arguments = ("render", "cornell_box", *FAST, "--cameras", path, "-o")
+    succeeds(*arguments, tmp_path / "a.####.png")
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as local:
+        said = succeeds(*arguments, tmp_path / "b.####.png", "--scheduler", local.scheduler_address).output
+    assert "3 frames: 3 done" in said
+    for number in (1, 2, 3):
+        one, other = (tmp_path / f"{name}.{number:04d}.png" for name in "ab")
+        assert one.read_bytes() == other.read_bytes()
+
+
 def test_an_environment_counts_by_its_content(path: Path, tmp_path: Path) -> None:
     sky = tmp_path / "sky.exr"
     arguments = ("render", "cornell_box", *FAST, "--environment", sky, "--cameras", path, "-o", tmp_path / "a.####.png")

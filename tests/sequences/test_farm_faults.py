@@ -24,6 +24,6 @@ def test_kills_lose_nothing(tmp_path: Path) -> None:
         timeout=500,
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "workers: 4 of 4 kills while 60 frames were done" in done.stdout
+    assert "workers: 4 of 4 kills while 60 frames were done in 1 calls: 60 done" in done.stdout
     assert "schedulers: 2 kills" in done.stdout
     assert re.findall("(\\d+) results are those of one process", done.stdout) == ["60", "60"]

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 import resource
+import sys
 import tempfile
 import time
 from pathlib import Path
@@ -52,6 +53,7 @@ class _Report:
         self._total, self._count = total, 0
         self._start = self._last = time.perf_counter()
         self._counted = 0
+        self._out = sys.stdout  # which reading in another thread replaces for moments
 
     def __call__(self, result: FrameResult) -> None:
         self._count += 1
@@ -59,9 +61,11 @@ class _Report:
             return
         now = time.perf_counter()
         each = 1e3 * (now - self._last) / (self._count - self._counted)
+        handles, threads = (len(os.listdir(f"/proc/self/{what}")) for what in ("fd", "task"))
         click.echo(
-            f"{self._count:>6} frames  {_resident() / 2**20:7.1f} MiB  {len(os.listdir('/proc/self/fd')):>4} handles"
-            f"  {len(os.listdir('/proc/self/task')):>3} threads  {each:6.2f} ms a frame since the line before"
+            f"{self._count:>6} frames  {_resident() / 2**20:7.1f} MiB  {handles:>4} handles  {threads:>3} threads"
+            f"  {each:6.2f} ms a frame since the line before",
+            file=self._out,
         )
         self._last, self._counted = now, self._count
         if self._count == self._total:

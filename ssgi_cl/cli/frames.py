@@ -110,7 +110,7 @@ def report_frames(
     as_json: bool,
 ) -> None:
     """Do frames and report them; exit with status 1 if any failed."""
-    console = Console(stderr=True)
+    console, out = Console(stderr=True), sys.stdout  # which reading in another thread replaces for moments
     columns = (TextColumn("frames"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with ExitStack() as stack:
         bar = stack.enter_context(Progress(*columns, console=console, disable=as_json or not console.is_terminal))
@@ -122,7 +122,7 @@ def report_frames(
 
         def told(result: FrameResult) -> None:
             if as_json:
-                print(json.dumps(_line(result)), flush=True)
+                print(json.dumps(_line(result)), file=out, flush=True)
 
         results = map_frames(work, inputs, files, client=client, again=again, progress=shown, finished=told)
     _summary(results, as_json)

@@ -6,11 +6,16 @@ import json
 import os
 import subprocess
 import sys
+import time
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from ssgi_cl.cli.frames import report_frames
 from ssgi_cl.io import exr
 
 from .commands import fails, process, succeeds
@@ -40,6 +45,26 @@ def test_a_sequence_is_that_of_its_frames(shot: Path, tmp_path: Path) -> None:
     assert "4 frames: 0 done, 4 skipped" in succeeds("apply", "gtao", shot, "-o", out, "--set", "radius=.4").output
     again = succeeds("apply", "gtao", shot, "-o", out, "--set", "radius=.4", "--frames", "2-3", "--again").output
     assert "2 frames: 2 done" in again
+
+
+class Quiet:
+    """A function whose reading, in another thread, keeps what is printed meanwhile from standard output."""
+
+    def read(self, number: int) -> int:
+        with redirect_stdout(StringIO()):
+            time.sleep(0.02)
+        return number
+
+    def __call__(self, number: int) -> np.ndarray[Any, Any]:
+        return np.full((2, 2), number, np.uint8)
+
+
+def test_no_line_is_lost_while_frames_are_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    numbers = list(range(12))
+    files = [tmp_path / f"{number}.png" for number in numbers]
+    report_frames(Quiet(), numbers, files, again=False, scheduler=None, as_json=True)
+    told = lines(capsys.readouterr().out)
+    assert [line.get("state") for line in told] == ["done"] * 12 + [None]
 
 
 def test_bad_frames_and_gaps_are_told(shot: Path, tmp_path: Path) -> None:

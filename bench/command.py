@@ -18,7 +18,7 @@ from ssgi_cl.truth import store
 from ssgi_cl.tuning.context import TruthSettings
 from ssgi_cl.tuning.measured_scenes import views_of
 
-from . import compare, document, suite, summary, table
+from . import compare, document, farm, suite, summary, table
 from .cases import FAMILIES, OWN
 from .options import (
     PixelSize,
@@ -30,6 +30,7 @@ from .options import (
     output_option,
     own_option,
     progress_bar,
+    scheduler_option,
     seconds_option,
 )
 from .plot import require_plots
@@ -94,6 +95,7 @@ def _takes_cases(command: F) -> F:
 @seconds_option(1.0, most=600.0)
 @click.option("--no-errors", is_flag=True, help="Measure times only.")
 @own_option
+@scheduler_option
 @output_option
 @click.option(
     "--markdown", type=click.Path(path_type=Path), help="Write a summary, .md, with plots and pictures beside it."
@@ -119,6 +121,7 @@ def bench_command(
     seconds: float,
     no_errors: bool,
     own: bool,
+    scheduler: str | None,
     output: Path | None,
     markdown: Path | None,
     only_list: bool,
@@ -132,6 +135,9 @@ def bench_command(
     any characters, and later parts may be left out: `ssao`, `'ssao*.16'`. Without any, all are
     measured. Truths are made once and kept (see `ssgi truth`). `ssgi bench frame
     mitsuba-frame-oidn` measures whole frames beside a path tracer.
+
+    With --scheduler one worker of each machine measures, that with the resource MACHINE=1, a scene
+    at a size at a time; machines must be alike.
     """
     if compared:
         _compare(*compared)
@@ -149,20 +155,35 @@ def bench_command(
             for case in cases:
                 click.echo(case.name)
             return
-        settings = TruthSettings(**truths)
+        settings, errors = TruthSettings(**truths), not no_errors
         with progress_bar() as step:
-            found = suite.measure(
-                cases,
-                views,
-                runtime,
-                truths=settings,
-                seconds=seconds,
-                errors=not no_errors,
-                families=families,
-                report=step,
-            )
+            if scheduler is None:
+                found = suite.measure(
+                    cases,
+                    views,
+                    runtime,
+                    truths=settings,
+                    seconds=seconds,
+                    errors=errors,
+                    families=families,
+                    report=step,
+                )
+                stamp = document.stamp(runtime)
+            else:
+                places = farm.places_of(cases, dict(zip(views, scenes, strict=True)))
+                asked = farm.Asked(
+                    settings,
+                    device,
+                    meshes,
+                    lanes=lanes,
+                    storage=storage,
+                    seconds=seconds,
+                    errors=errors,
+                    pictures=markdown is not None,
+                )
+                stamp, found = farm.measure(scheduler, places, asked, step)
         mark(found.results)
-        doc = {**document.stamp(runtime), **suite.entries(found, settings, seconds)}
+        doc = {**stamp, **suite.entries(found, settings, seconds)}
         if output is not None:
             document.write(output, doc)
         if markdown is not None:
@@ -186,6 +207,7 @@ def bench_command(
 
 @click.command("truth")
 @_takes_cases
+@scheduler_option
 @click.option("--rebuild", is_flag=True, help="Make them anew, in place of those that are kept.")
 @click.option("--list", "only_list", is_flag=True, help="List what is kept, and its size.")
 @click.option("--clear", is_flag=True, help="Delete what is kept.")
@@ -196,6 +218,7 @@ def truth_command(
     meshes: Path | None,
     sizes: tuple[Size, ...],
     device: str | None,
+    scheduler: str | None,
     rebuild: bool,
     only_list: bool,
     clear: bool,
@@ -205,7 +228,8 @@ def truth_command(
     """Make the truths that the benchmark's cases are held to, and keep them.
 
     Takes cases as `ssgi bench` does. A run that is interrupted goes on where it stopped. Exit
-    status 1 if any could not be made.
+    status 1 if any could not be made. With --scheduler workers make them, a scene at a size a
+    task; they keep them in the same folder, which SSGI_CL_CACHE names.
     """
     with human_errors():
         if clear:
@@ -215,10 +239,13 @@ def truth_command(
             runtime = Runtime.open(device)
             views = views_of(scenes, runtime, meshes)
             settings = TruthSettings(**truths, rebuild=rebuild)
+            cases = suite.select(patterns, list(views), sizes)
             with progress_bar() as step:
-                wrong = suite.make_truths(
-                    suite.select(patterns, list(views), sizes), views, runtime, settings, report=step
-                )
+                if scheduler is None:
+                    wrong = suite.make_truths(cases, views, runtime, settings, report=step)
+                else:
+                    places = farm.places_of(cases, dict(zip(views, scenes, strict=True)))
+                    wrong = farm.make_truths(scheduler, places, farm.Asked(settings, device, meshes), step)
         else:
             wrong = []
         _list_truths(as_json)

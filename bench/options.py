@@ -26,6 +26,7 @@ __all__ = [
     "output_option",
     "own_option",
     "progress_bar",
+    "scheduler_option",
     "seconds_option",
 ]
 
@@ -54,6 +55,11 @@ meshes_option = click.option(
 )
 
 output_option = click.option("-o", "--output", type=click.Path(path_type=Path), help="Write the results, .json.")
+scheduler_option = click.option(
+    "--scheduler",
+    metavar="ADDRESS",
+    help="Dask distributed scheduler, such as tcp://host:8786, whose workers do scenes and sizes side by side.",
+)
 own_option = click.option("--own", is_flag=True, help="Leave out what other programs do.")
 
 

@@ -6,6 +6,7 @@ import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -376,18 +377,48 @@ def camera_from_json(path: Path, width: int | None, height: int | None) -> Camer
     Raises:
         ValueError: the file is missing, not JSON, or lacks a field; the message says which.
     """
+    return _camera_of(f"the camera file {path}", _json_of(path), width, height)
+
+
+def cameras_from_json(path: Path, width: int | None, height: int | None) -> list[Camera]:
+    """Read cameras from a JSON file: a list of what `camera_from_json` reads, or an object with it as `cameras`.
+
+    Raises:
+        ValueError: the file is missing, not JSON, or holds no such list, or an entry is wrong; the message says
+            which, counted from 1.
+    """
+    fields = _json_of(path)
+    entries = fields.get("cameras") if isinstance(fields, dict) else fields
+    if not isinstance(entries, list) or not entries:
+        raise ValueError(f"the camera file {path} holds no list of cameras: expected [...] or {{'cameras': [...]}}")
+    cameras = []
+    for number, entry in enumerate(entries, 1):
+        where = f"camera {number} of {path}"
+        try:
+            cameras.append(_camera_of(where, entry, width, height))
+        except (TypeError, ValueError) as error:
+            text = str(error)
+            raise ValueError(text if text.startswith(where) else f"{where}: {text}") from error
+    return cameras
+
+
+def _json_of(path: Path) -> Any:
     try:
-        fields = json.loads(path.read_text(encoding="utf-8-sig"))
+        return json.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise ValueError(f"the camera file {path} cannot be read: {error.strerror}") from error
     except (ValueError, RecursionError) as error:
         raise ValueError(f"the camera file {path} is not JSON: {error}") from error
+
+
+def _camera_of(where: str, fields: Any, width: int | None, height: int | None) -> Camera:
+    """Return the camera of an object in JSON; `where` is what messages call it."""
     fields = fields.get("camera", fields) if isinstance(fields, dict) else {}
     fields = fields if isinstance(fields, dict) else {}
     needed = ("origin", "forward", "up", "fov_deg")
     missing = [name for name in needed if name not in fields]
     if missing:
-        raise ValueError(f"the camera file {path} lacks {', '.join(missing)}")
+        raise ValueError(f"{where} lacks {', '.join(missing)}")
     sizes = []
     for name, given, default in (("width", width, 800), ("height", height, 600)):
         wanted = fields.get(name, default) if given is None else given

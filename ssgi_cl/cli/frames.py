@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -14,7 +15,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from ssgi_cl.core.errors import SequenceError
-from ssgi_cl.io.console import STDOUT, checked_output, printable
+from ssgi_cl.io.console import checked_output, printable
 from ssgi_cl.sequences.cluster import connected
 from ssgi_cl.sequences.frame_names import FrameNames, frame_range, gaps
 from ssgi_cl.sequences.frame_result import FrameResult, FrameResults
@@ -22,6 +23,16 @@ from ssgi_cl.sequences.map_frames import map_frames
 
 MOST_LISTED = 20
 """Failures and gaps that are printed, at most."""
+
+
+cameras_option = click.option(
+    "--cameras",
+    "cameras",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="A picture for each camera of a JSON file: a list of such cameras, or an object that has it as 'cameras'. "
+    "The output's name needs #### for their numbers, from 1 on.",
+)
 
 
 def frames_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -59,11 +70,7 @@ def run_frames(
         click.UsageError: the output has no place for a number.
         SequenceError: there is no frame, or the cluster fails.
     """
-    into = FrameNames.of(output)
-    if into is None:
-        raise click.UsageError(
-            f"--output is {output}: expected #### for the numbers of frames in its name, as in {names}"
-        )
+    into = numbered(output, (".exr",), names)
     if into == names:
         raise click.UsageError(f"--output is {output}: those are the inputs; expected another name")
     numbers = frame_range(frames) if frames is not None else names.found()
@@ -74,8 +81,23 @@ def run_frames(
         listed = ", ".join(map(str, missing[:MOST_LISTED])) + (" ..." if len(missing) > MOST_LISTED else "")
         click.echo(f"frames that are not there: {listed}", err=True)
     inputs, files = [names.path(n) for n in numbers], [into.path(n) for n in numbers]
-    checked_output(files[0], (".exr",))
     report_frames(work, inputs, files, again=again, scheduler=scheduler, as_json=as_json)
+
+
+def numbered(output: Path, suffixes: tuple[str, ...], example: object) -> FrameNames:
+    """Return the pattern of the outputs, before work is spent on it.
+
+    Raises:
+        click.UsageError: it has no place for a number, or another suffix.
+        click.ClickException: its folder is not there.
+    """
+    names = FrameNames.of(output)
+    if names is None:
+        raise click.UsageError(
+            f"--output is {output}: expected #### for the numbers of frames in its name, as in {example}"
+        )
+    checked_output(names.path(1), suffixes)
+    return names
 
 
 def report_frames(
@@ -88,7 +110,7 @@ def report_frames(
     as_json: bool,
 ) -> None:
     """Do frames and report them; exit with status 1 if any failed."""
-    console = Console(stderr=True)
+    console, out = Console(stderr=True), sys.stdout  # which reading in another thread replaces for moments
     columns = (TextColumn("frames"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with ExitStack() as stack:
         bar = stack.enter_context(Progress(*columns, console=console, disable=as_json or not console.is_terminal))
@@ -100,8 +122,7 @@ def report_frames(
 
         def told(result: FrameResult) -> None:
             if as_json:
-                with STDOUT:  # which the thread that reads frames redirects
-                    print(json.dumps(_line(result)), flush=True)
+                print(json.dumps(_line(result)), file=out, flush=True)
 
         results = map_frames(work, inputs, files, client=client, again=again, progress=shown, finished=told)
     _summary(results, as_json)
@@ -110,7 +131,10 @@ def report_frames(
 
 
 def _line(result: FrameResult) -> dict[str, Any]:
-    line: dict[str, Any] = {"input": printable(result.name), "output": printable(str(result.output))}
+    line: dict[str, Any] = {}
+    if isinstance(result.input, (str, os.PathLike)):  # and no camera
+        line["input"] = printable(result.name)
+    line |= {"output": printable(str(result.output))}
     line |= {"state": result.state, "seconds": round(result.seconds, 4)}
     return {**line, "reason": printable(result.reason)} if result.reason else line
 

@@ -7,7 +7,8 @@ from typing import Any
 
 import click
 
-from ssgi_cl.cli.render import frame_arguments, render_command
+from ssgi_cl.cli.frame_arguments import frame_arguments
+from ssgi_cl.cli.render import render_command
 from ssgi_cl.core.atomic import replacement
 from ssgi_cl.frame.record import GraphRecord
 from ssgi_cl.frame.render import render
@@ -15,7 +16,7 @@ from ssgi_cl.frame.skips import OUTPUTS, SKIPS, chosen_outputs
 from ssgi_cl.io.console import checked_output, human_errors, printable, progress
 
 WRITERS = {".dot": GraphRecord.to_dot, ".mmd": GraphRecord.to_mermaid, ".json": GraphRecord.to_json}
-_NOT_SHARED = ("output", "views", "explain", "as_json", "scene")
+_NOT_SHARED = ("output", "views", "explain", "as_json", "scene", "cameras", "frames", "again", "scheduler")
 """Parameters of `ssgi render` that do not shape a frame, or that this command has itself."""
 
 

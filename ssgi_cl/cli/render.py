@@ -2,27 +2,21 @@
 
 from __future__ import annotations
 
-import math
-import os
-from collections.abc import Callable
-from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from ssgi_cl.cli.facts import camera_facts, light_facts
-from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.errors import shown
-from ssgi_cl.core.lights import DirectionalLight, Environment, Light
-from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.cli.frame_arguments import CULL, frame_arguments
+from ssgi_cl.cli.frames import cameras_option, frames_options
+from ssgi_cl.cli.views import render_views
 from ssgi_cl.frame.params import AO_DEFAULT, BOUNCES, DEFAULT_PRESET, PRESETS
 from ssgi_cl.frame.render import Frame, render
 from ssgi_cl.frame.skips import ONE_PICTURE
 from ssgi_cl.io import png
 from ssgi_cl.io.console import (
-    DEFAULT_FOV,
     VECTOR,
     GroupedCommand,
     checked_output,
@@ -32,27 +26,14 @@ from ssgi_cl.io.console import (
     printable,
     progress,
     report,
-    yfov_of,
 )
 from ssgi_cl.io.previews import VIEWS, gbuffer_views, levels_view, share_view
-from ssgi_cl.rasterize.files.load import READERS
 from ssgi_cl.techniques.catalogue import TECHNIQUES
 
-if TYPE_CHECKING:
-    from ssgi_cl.core.scene import Scene
-    from ssgi_cl.rasterize.scenes import BuiltinScene
-
-_OUTDOORS = (DirectionalLight, Environment)
-"""Lights that --environment replaces."""
-_CULL = {"file": None, "all": True, "none": False}
-_AS_GIVEN = (
-    *("preset", "indirect", "method", "vpls", "glossy_vpls", "indirect_ao", "layers", "auxiliary_cameras"),
-    *("ao_samples", "shadow_size", "rsm_size", "exposure"),
-)
-"""Options that are arguments of `render` as they are."""
 _GROUPS = {
     "Output": ("output", "views", "width", "height", "exposure"),
     "Scene and camera": ("eye", "target", "up", "fov", "camera", "cull", "no_textures"),
+    "Many pictures": ("cameras", "frames", "again", "scheduler"),
     "Light": (
         *("ambient", "environment", "bounces", "ao", "ao_radius", "ao_samples"),
         *("indirect", "method", "vpls", "glossy_vpls", "indirect_ao"),
@@ -89,9 +70,10 @@ _GROUPS = {
     "SCENE with .scene.json at its end, else SCENE's first camera, else one that shows "
     "the scene well.",
 )
+@cameras_option
 @click.option(
     "--cull",
-    type=click.Choice(list(_CULL)),
+    type=click.Choice(list(CULL)),
     default="file",
     show_default=True,
     help="Which back faces of SCENE are not there, for cameras and lights: as the file says (glTF: those of "
@@ -177,10 +159,20 @@ _GROUPS = {
 @click.option("--explain", is_flag=True, help="Say of all that was left out how much time that saves, by estimate.")
 @click.option("--no-skips", is_flag=True, help="Leave nothing out; the picture is the same.")
 @click.option("--exposure", type=float, help="Factor before the tone curve; automatic by default.")
+@frames_options
 @device_option
 @json_option
 @human_errors
-def render_command(scene: str, output: Path, as_json: bool, **options: Any) -> None:
+def render_command(
+    scene: str,
+    output: Path,
+    cameras: Path | None,
+    frames: str | None,
+    again: bool,
+    scheduler: str | None,
+    as_json: bool,
+    **options: Any,
+) -> None:
     """Render SCENE, a .glb, .gltf, .obj or .ply file with y up, a built-in scene (cornell_box,
     hall, parlour, terrace, workshop), or a generated one: KIND-SEED, such as room-7, with KIND
     room, colonnade, foliage, machine, street or terrain.
@@ -188,7 +180,21 @@ def render_command(scene: str, output: Path, as_json: bool, **options: Any) -> N
     A file's scene is lit by the lights that the file describes (glTF, KHR_lights_punctual), one
     without by a sun and a sky, a closed room by a light. What a file says that is not drawn is
     listed. Times are milliseconds on the device.
+
+    With --cameras the scene is loaded once, and a picture drawn for each; what is done already is skipped, and the
+    exit status is 1 if any failed. Without lights of its own the scene is lit as for the first camera in all of
+    them.
     """
+    if cameras is not None:
+        render_views(scene, cameras, output, options, frames, again=again, scheduler=scheduler, as_json=as_json)
+        return
+    if frames is not None or again or scheduler is not None:
+        raise click.UsageError("--frames, --again and --scheduler go with --cameras")
+    _render_one(scene, output, options, as_json=as_json)
+
+
+def _render_one(scene: str, output: Path, options: dict[str, Any], *, as_json: bool) -> None:
+    """Render one picture and report what ran."""
     endings: tuple[str, ...] = ()
     if options["views"]:
         endings = (".exr", *(f".{name}.png" for name in (*VIEWS, "ao", "levels")))
@@ -225,163 +231,6 @@ def render_command(scene: str, output: Path, as_json: bool, **options: Any) -> N
         },
         explain=options["explain"],
     )
-
-
-def frame_arguments(
-    scene: str, options: dict[str, Any], step: Callable[[str], None]
-) -> tuple[Scene, Camera, tuple[Light, ...], dict[str, Any]]:
-    """Return the scene, the camera, the lights and the other arguments of `render` but `skips`.
-
-    Args:
-        scene: as given on the command line.
-        options: of the command `ssgi render` that shape a frame.
-        step: is called with the name of each step.
-    """
-    from ssgi_cl.rasterize.scenes import SCENE_NAMES, is_scene, make_scene
-
-    given = [f"--{name}" for name in ("eye", "target", "up", "fov") if options[name] is not None]
-    if options["camera"] is not None and given:
-        raise click.UsageError(f"--camera and {given[0]} exclude each other")
-    if not is_scene(scene):
-        _check_file(Path(scene), SCENE_NAMES)
-    around = None if options["environment"] is None else _environment(options["environment"])
-    step("opening the device")
-    runtime = Runtime.open(options["device"])
-    step(f"loading {scene}")
-    loaded, camera, lights, radius = (
-        _builtin(make_scene(scene), options) if is_scene(scene) else _from_file(Path(scene), options, runtime)
-    )
-    if around is not None:
-        lights = (*(light for light in lights if not isinstance(light, _OUTDOORS)), around)
-    if options["ambient"] is not None:
-        lights = (*lights, Environment(options["ambient"]))
-    arguments = {
-        **{name: options[name] for name in _AS_GIVEN},
-        "bounces": _bounces(options["bounces"]),
-        "ao": False if options["ao"] == "none" else options["ao"],
-        "ao_radius": radius if options["ao_radius"] is None and not _whole(options) else options["ao_radius"],
-        "runtime": runtime,
-    }
-    return loaded, camera, lights, arguments
-
-
-def _whole(options: dict[str, Any]) -> bool:
-    """Return whether options ask for all light, emission included, and not one technique."""
-    return options["indirect"] is None and options["bounces"] != "0"
-
-
-def _bounces(text: str | None) -> int | str | None:
-    """Return what --bounces says; `render` checks its range."""
-    if text in (None, "all"):
-        return text
-    try:
-        return int(text)
-    except ValueError:
-        raise click.UsageError(f"--bounces is {text!r}: expected an integer from 0 on, or 'all'") from None
-
-
-def _environment(text: str) -> Environment:
-    """Return the environment of an image file, or of one radiance: three numbers with commas."""
-    parts = text.split(",")
-    try:
-        radiance = [float(part) for part in parts]
-    except ValueError:
-        return Environment.load(text)
-    if len(radiance) != 3:
-        raise click.UsageError(f"--environment {shown(text)}: expected a file or R,G,B")
-    return Environment(radiance)
-
-
-def _check_file(path: Path, scenes: str) -> None:
-    """Raise unless there is a file, or its name ends like a scene file's, which is read later."""
-    from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
-
-    name = os.fspath(path)
-    if path.is_dir():
-        raise ValueError(f"scene is {name!r}: it is a folder; expected a file or {scenes}")
-    if not path.exists() and path.suffix.lower() not in READERS:
-        near = get_close_matches(name, BUILTIN_SCENES, 1)
-        guess = f"; did you mean {near[0]!r}?" if near else ""
-        raise ValueError(f"scene is {name!r}: there is no such file; expected one or {scenes}{guess}")
-
-
-def _size(options: dict[str, Any]) -> tuple[int, int]:
-    """Return (width, height); the camera checks them."""
-    width, height = options["width"], options["height"]
-    return 800 if width is None else width, 600 if height is None else height
-
-
-def _builtin(builtin: BuiltinScene, options: dict[str, Any]) -> tuple[Scene, Camera, tuple[Light, ...], float | None]:
-    width, height = _size(options)
-    if options["camera"] is not None:
-        camera = _camera_file(Path(options["camera"]), options)
-    else:
-        camera = Camera.look_at(
-            builtin.eye if options["eye"] is None else options["eye"],
-            builtin.target if options["target"] is None else options["target"],
-            builtin.up if options["up"] is None else options["up"],
-            yfov=yfov_of(options, builtin.yfov),
-            width=width,
-            height=height,
-        )
-    lights = builtin.own_lights if _whole(options) else builtin.lights
-    return builtin.scene, camera, lights, builtin.ao_radius
-
-
-def _from_file(
-    path: Path, options: dict[str, Any], runtime: Runtime
-) -> tuple[Scene, Camera, tuple[Light, ...], float | None]:
-    from ssgi_cl.rasterize import load_scene
-    from ssgi_cl.rasterize.raster.default_camera import default_lights
-
-    if (options["eye"] is None) != (options["target"] is None):
-        raise click.UsageError("--eye and --target go together")
-    if options["up"] is not None and options["eye"] is None:
-        raise click.UsageError("--up needs --eye and --target")
-    width, height = _size(options)
-    yfov = yfov_of(options, math.radians(DEFAULT_FOV))
-    # The camera's size and the rest of it are checked before a large scene is loaded.
-    Camera.look_at((0, 0, 1), (0, 0, 0), yfov=yfov, width=width, height=height)
-    camera = None
-    if options["eye"] is not None:
-        camera = Camera.look_at(
-            options["eye"], options["target"], options["up"] or (0.0, 1.0, 0.0), yfov=yfov, width=width, height=height
-        )
-    elif options["camera"] is not None:
-        file = Path(options["camera"])
-        if file.suffix.lower() == ".json" or file.is_file():
-            camera = _camera_file(file, options)
-    scene = load_scene(path, textures=not options.get("no_textures"), cull=_CULL[options.get("cull", "file")])
-    camera = camera or _camera_of(scene, path, options, runtime)
-    lights = scene.lights or default_lights(scene, camera, runtime, emission=_whole(options))
-    return scene, camera, lights, None
-
-
-def _camera_of(scene: Scene, path: Path, options: dict[str, Any], runtime: Runtime) -> Camera:
-    """Return the camera of a file's scene that was asked for by its name, or the default one."""
-    from ssgi_cl.rasterize.raster.default_camera import default_camera
-
-    name = options["camera"]
-    if name is not None and name not in scene.cameras:
-        known = ", ".join(map(shown, scene.cameras)) or "none"
-        raise ValueError(f"--camera is {name!r}: there is no such file, and {path} has no such camera (it has {known})")
-    width, height = _size(options)
-    if name is not None:
-        return scene.cameras[name].sized(width, height)
-    if options["fov"] is None:
-        beside = path.with_name(path.stem + ".scene.json")
-        if beside.is_file():
-            return _camera_file(beside, options)
-        if scene.cameras:
-            return next(iter(scene.cameras.values())).sized(width, height)
-    yfov = yfov_of(options, math.radians(DEFAULT_FOV))
-    return default_camera(scene, width, height, yfov, runtime)
-
-
-def _camera_file(path: Path, options: dict[str, Any]) -> Camera:
-    from ssgi_cl.rasterize.raster.default_camera import camera_from_json
-
-    return camera_from_json(path, options["width"], options["height"])
 
 
 def _write(frame: Frame, output: Path, *, views: bool) -> list[Path]:

@@ -10,7 +10,8 @@ import click
 import numpy as np
 
 from ssgi_cl.cli.facts import camera_facts, light_facts, placed
-from ssgi_cl.cli.render import frame_arguments, render_command
+from ssgi_cl.cli.frame_arguments import frame_arguments
+from ssgi_cl.cli.render import render_command
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.digits import place_text
 from ssgi_cl.core.lights import Light

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import errno
 import fcntl
+import math
 import os
 import secrets
 import stat
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -17,8 +19,8 @@ def replacement(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Give a temporary file beside `path` that takes its place if the block succeeds.
 
     The temporary file exists, is empty and has the permissions of a new file. If the block raises,
-    it is removed and `path` stays as it was; if the process is killed, the next one that writes
-    into that folder removes it. A symbolic link is followed, not replaced.
+    it is removed and `path` stays as it was; if the process is killed, another one that writes
+    into that folder removes it within a minute. A symbolic link is followed, not replaced.
 
     Raises:
         OSError: (FileNotFoundError, PermissionError, IsADirectoryError, ...) `path` can't be
@@ -66,8 +68,17 @@ def _temporary(folder: Path) -> tuple[Path, int]:
         os.close(held)
 
 
+_cleared: dict[Path, float] = {}
+"""When this process looked through folders; a look through 10,000 files takes as long as a small file's writing."""
+_CLEAR_SECONDS = 60.0
+
+
 def _clear(folder: Path) -> None:
-    """Remove the temporary files of processes that were killed."""
+    """Remove the temporary files of processes that were killed, with the first file and then once a minute."""
+    now = time.monotonic()
+    if now - _cleared.get(folder, -math.inf) < _CLEAR_SECONDS:
+        return
+    _cleared[folder] = now
     for path in folder.glob(".ssgi-*.tmp"):
         with suppress(OSError):  # another process removes it, or it is another user's
             found = os.open(path, os.O_WRONLY)

@@ -34,14 +34,13 @@ DEFAULT_FOV = 50.0
 """Degrees, vertical."""
 
 
-STDOUT = Lock()
-"""Held by what prints while threads may be `silent`."""
+_SILENT = Lock()
 
 
 @contextmanager
 def silent() -> Iterator[None]:
-    """Let nothing be printed meanwhile, by any thread that does not wait for `STDOUT`."""
-    with STDOUT, redirect_stdout(StringIO()):
+    """Let nothing be printed meanwhile to `sys.stdout`, which is that of all threads: one does so at a time."""
+    with _SILENT, redirect_stdout(StringIO()):
         yield
 
 
@@ -159,6 +158,9 @@ def checked_output(path: Path, suffixes: tuple[str, ...]) -> None:
         raise click.ClickException(f"--output is {path}: there is no folder {path.parent}")
     if path.is_dir():
         raise click.ClickException(f"--output is {path}: it is a folder, expected a file's name")
+    folder = os.path.dirname(os.path.realpath(path))  # of the file itself, which is replaced
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise click.ClickException(f"--output is {path}: no file can be made in the folder {folder}")
 
 
 def yfov_of(options: dict[str, Any], default: float) -> float:

@@ -39,6 +39,13 @@ def described(function: Callable[..., Any], arguments: Mapping[str, Any]) -> str
     return whole.hexdigest()
 
 
+def hashed(*values: Any) -> str:
+    """Return the hash of values: arrays, numbers, texts, dataclasses, and lists and maps of such."""
+    whole = hashlib.blake2b(digest_size=16)
+    _add(whole, values)
+    return whole.hexdigest()
+
+
 def key_of(work: str, source: Any) -> str:
     """Return the key of a result.
 

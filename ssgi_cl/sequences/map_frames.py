@@ -41,6 +41,7 @@ def map_frames(
     client: Any = None,
     again: bool = False,
     retries: int = 2,
+    resources: Mapping[str, float] | None = None,
     progress: Progress | None = None,
     finished: Callable[[FrameResult], object] | None = None,
 ) -> FrameResults:
@@ -62,7 +63,10 @@ def map_frames(
         client: of Dask distributed: frames are computed by its workers, which must reach the files by the
             same paths, and have this version of the library. Without, by this process.
         again: whether to compute frames whose file is there, too.
-        retries: how often a frame is tried again on a cluster whose worker was lost.
+        retries: how often a frame is tried again on a cluster that gave it up, which Dask does after the fourth
+            death of a worker that had it.
+        resources: what a frame takes of those of a worker of a cluster, by name; by default one "GPU" where all
+            workers have it.
         progress: called with frames that are finished, all frames, and the seconds that are left by estimate.
         finished: called with each result.
 
@@ -79,7 +83,8 @@ def map_frames(
     work = Work(function, arguments, described(function, arguments), again)
     report = _Report(len(given), progress, finished)
     if client is not None:
-        return FrameResults(on_cluster(client, partial(_one, work), given, files, retries, report))
+        once = partial(_one, work)
+        return FrameResults(on_cluster(client, once, given, files, retries, report, resources))
     return FrameResults(_serial(work, given, files, report))
 
 

@@ -103,6 +103,17 @@ def test_what_a_killed_process_leaves_goes_with_the_next_write(tmp_path: Path) -
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"a": b"a", "b": b"b"}
 
 
+def test_a_folder_is_looked_through_once_a_minute(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    left = tmp_path / ".ssgi-0.tmp"
+    now = [1000.0]
+    monkeypatch.setattr(atomic.time, "monotonic", lambda: now[0])
+    for seconds, is_there in ((0.0, False), (59.0, True), (1.5, False)):
+        left.touch()
+        now[0] += seconds
+        with atomic.replacement(tmp_path / "a"):
+            assert left.exists() == is_there
+
+
 def test_records_of_devices_are_whole_whoever_writes_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SSGI_CL_CACHE", str(tmp_path))
     info = DeviceInfo("x", 0, 0, "x" * 10**5, "cpu", 2, {"1 lane, buffer": 1.0})

@@ -47,3 +47,13 @@ class Halved:
 def picture(path: Path) -> NDArray[np.uint8]:
     """Return a grey image."""
     return np.full((4, 5, 3), int(exr.read(path)["Z"][0, 0]), np.uint8)
+
+
+def noise(number: int, *, kind: str) -> Any:
+    """Return random numbers that no file makes smaller: of 48 KiB, or of that many KiB where it is above 9."""
+    size = 1024 * (48 if number < 10 else 10 * number)
+    values = np.random.default_rng(number).integers(0, 256, size, np.uint8)
+    if kind == "png":
+        return values.reshape(-1, 64)
+    # Bits of float32 from 1 to 2, but for their exponents.
+    return {"depth": (values.view(np.uint32) & 0x7FFFFF | 0x3F800000).view(np.float32).reshape(-1, 64)}

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ssgi_cl.sequences.apply_exr import ApplyExr, Frame, Passes
-from ssgi_cl.sequences.frame_result import FrameFile
+from ssgi_cl.sequences.apply_exr import ApplyExr
+from ssgi_cl.sequences.exr_passes import Passes
 
 SECONDS, TRACE, OUTPUTS = "SSGI_CL_FARM_SECONDS", "SSGI_CL_FARM_TRACE", "SSGI_CL_FARM_OUTPUTS"
 """Variables: seconds that a frame takes longer than it does, so that kills hit it; a file that gets a line for each
@@ -23,7 +23,7 @@ _WORK = ApplyExr(technique="gtao", parameters={"radius": 0.4}, passes=Passes(nan
 class Traced:
     """Applies `gtao` to a file, and writes down that it began."""
 
-    def read(self, source: Path) -> Frame:
+    def read(self, source: Path) -> Any:
         """Return what the file holds."""
         if TRACE in os.environ:
             there = (Path(os.environ[OUTPUTS]) / source.name).exists()
@@ -36,7 +36,7 @@ class Traced:
                 os.close(file)
         return _WORK.read(source)
 
-    def __call__(self, frame: Frame) -> FrameFile:
+    def __call__(self, frame: Any) -> Any:
         """Return the result."""
         time.sleep(float(os.environ.get(SECONDS, 0.0)))
         return _WORK(frame)

@@ -19,7 +19,8 @@ import click
 import numpy as np
 
 from ssgi_cl.io import exr
-from ssgi_cl.sequences.apply_exr import ApplyExr, Passes
+from ssgi_cl.sequences.apply_exr import ApplyExr
+from ssgi_cl.sequences.exr_passes import Passes
 from ssgi_cl.sequences.frame_result import FrameResult
 from ssgi_cl.sequences.map_frames import map_frames
 

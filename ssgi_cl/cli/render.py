@@ -23,6 +23,7 @@ from ssgi_cl.io.console import (
     device_option,
     human_errors,
     json_option,
+    memory_option,
     printable,
     progress,
     report,
@@ -39,7 +40,7 @@ _GROUPS = {
         *("indirect", "method", "vpls", "glossy_vpls", "indirect_ao"),
     ),
     "Quality": ("preset", "layers", "auxiliary_cameras", "shadow_size", "rsm_size", "no_skips"),
-    "Device and report": ("device", "explain", "as_json"),
+    "Device and report": ("device", "max_memory", "explain", "as_json"),
 }
 """Headings of the help, and the options under each."""
 
@@ -160,6 +161,7 @@ _GROUPS = {
 @click.option("--no-skips", is_flag=True, help="Leave nothing out; the picture is the same.")
 @click.option("--exposure", type=float, help="Factor before the tone curve; automatic by default.")
 @frames_options
+@memory_option
 @device_option
 @json_option
 @human_errors
@@ -200,16 +202,25 @@ def _render_one(scene: str, output: Path, options: dict[str, Any], *, as_json: b
         endings = (".exr", *(f".{name}.png" for name in (*VIEWS, "ao", "levels")))
     for path in (output, *map(output.with_suffix, endings)):
         checked_output(path, (".png", ".exr"))
+    most = options["max_memory"]
+    if most is not None and (options["views"] or output.suffix.lower() != ".png"):
+        raise click.UsageError("--max-memory gives a picture alone: expected a .png as --output, and no --views")
     skips = frozenset[str]() if options["no_skips"] else ONE_PICTURE
     with progress(as_json) as step:
         loaded, camera, lights, arguments = frame_arguments(scene, options, step)
         runtime = arguments["runtime"]
-        # Kernels are compiled for the first of two pictures; the second one's times are told.
-        render(loaded, camera, lights, skips=skips, progress=partial(step, "compiling kernels"), **arguments)
-        step("rendering")
-        frame = render(loaded, camera, lights, gbuffer=True, skips=skips, **arguments)
-        step("writing files")
-        files = _write(frame, output, views=options["views"])
+        if most is not None:
+            step("rendering bands")
+            frame = render(loaded, camera, lights, outputs=("image",), max_memory=most, **arguments)
+            frame.save(output)
+            files = [output]
+        else:
+            # Kernels are compiled for the first of two pictures; the second one's times are told.
+            render(loaded, camera, lights, skips=skips, progress=partial(step, "compiling kernels"), **arguments)
+            step("rendering")
+            frame = render(loaded, camera, lights, gbuffer=True, skips=skips, **arguments)
+            step("writing files")
+            files = _write(frame, output, views=options["views"])
     if not as_json:
         for note in loaded.notes:
             click.echo(printable(f"note: {note}"), err=True)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ssgi_cl.core.lights import Light
     from ssgi_cl.core.scene import Scene
 
-_OF_ONE = ("views", "explain", "eye", "target", "up", "fov", "camera")
+_OF_ONE = ("views", "explain", "max_memory", "eye", "target", "up", "fov", "camera")
 """Options of a single picture."""
 
 

@@ -118,3 +118,14 @@ def test_nan_in_a_band_is_named_with_its_place(room: gi.GBuffer, tmp_path: Path)
     assert "of rows from" in result.output
     assert not (tmp_path / "o.exr").exists()
     apply("gtao", *names, "--nan", "hole")
+
+
+def test_a_picture_in_bands_is_written(tmp_path: Path) -> None:
+    picture = tmp_path / "box.png"
+    size = ["--width", "64", "--height", "48", "--max-memory", "4GiB"]
+    result = CliRunner().invoke(main, ["render", "cornell_box", "-o", str(picture), *size])
+    assert result.exit_code == 0, result.output
+    assert picture.exists()
+    result = CliRunner().invoke(main, ["render", "cornell_box", "-o", str(tmp_path / "box.exr"), *size])
+    assert result.exit_code == 2
+    assert "--max-memory gives a picture alone" in result.output

@@ -10,7 +10,9 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.raster.default_camera import DEFAULT_YFOV, camera_from_json, default_camera
 
 
-def file_camera(scene: Scene, path: Path, width: int | None, height: int | None, yfov: float | None, runtime: Runtime) -> Camera:
+def file_camera(
+    scene: Scene, path: Path, width: int | None, height: int | None, yfov: float | None, runtime: Runtime
+) -> Camera:
     """Return the camera of a scene that was read from `path`.
 
     It is that of the file named like it with .scene.json at its end, else the scene's first camera, else one that

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable
 from difflib import get_close_matches
 from functools import partial
@@ -237,13 +236,12 @@ def frame_arguments(
         options: of the command `ssgi render` that shape a frame.
         step: is called with the name of each step.
     """
-    from ssgi_cl.rasterize.scenes import SCENE_NAMES, is_scene, make_scene
+    from ssgi_cl.rasterize.scenes import is_scene, make_scene
 
     given = [f"--{name}" for name in ("eye", "target", "up", "fov") if options[name] is not None]
     if options["camera"] is not None and given:
         raise click.UsageError(f"--camera and {given[0]} exclude each other")
-    if not is_scene(scene):
-        _check_file(Path(scene), SCENE_NAMES)
+    check_scene(scene)
     around = None if options["environment"] is None else _environment(options["environment"])
     step("opening the device")
     runtime = Runtime.open(options["device"])
@@ -292,17 +290,19 @@ def _environment(text: str) -> Environment:
     return Environment(radiance)
 
 
-def _check_file(path: Path, scenes: str) -> None:
-    """Raise unless there is a file, or its name ends like a scene file's, which is read later."""
-    from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
+def check_scene(name: str) -> None:
+    """Raise unless it is a scene's name, there is such a file, or it ends like a scene file's, which is read later."""
+    from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, SCENE_NAMES, is_scene
 
-    name = os.fspath(path)
+    path = Path(name)
+    if is_scene(name):
+        return
     if path.is_dir():
-        raise ValueError(f"scene is {name!r}: it is a folder; expected a file or {scenes}")
+        raise ValueError(f"scene is {name!r}: it is a folder; expected a file or {SCENE_NAMES}")
     if not path.exists() and path.suffix.lower() not in READERS:
         near = get_close_matches(name, BUILTIN_SCENES, 1)
         guess = f"; did you mean {near[0]!r}?" if near else ""
-        raise ValueError(f"scene is {name!r}: there is no such file; expected one or {scenes}{guess}")
+        raise ValueError(f"scene is {name!r}: there is no such file; expected one or {SCENE_NAMES}{guess}")
 
 
 def _size(options: dict[str, Any]) -> tuple[int, int]:

@@ -78,7 +78,9 @@ def _radius(params: Params) -> tuple[str, ...]:
 
 
 def _lights(source: Source, look: Look) -> list[str]:
-    if len(source.lights) == len(look.shining) and all(a is b for a, b in zip(source.lights, look.shining, strict=True)):
+    if len(source.lights) == len(look.shining) and all(
+        a is b for a, b in zip(source.lights, look.shining, strict=True)
+    ):
         return []
     lines = ["lights = ["]
     for light in look.shining:

@@ -232,7 +232,12 @@ OUTPUTS: dict[str, Output] = {
         Output(name="reflections", doc="what glossy lobes reflect of lights and of the picture", draw=_reflections),
         Output(name="normals", doc="world space; -1 to 1 are 0 to 255", draw=_plane("normal"), of_gbuffer=True),
         Output(name="depth", doc="near is white, nothing black", draw=_plane("depth"), of_gbuffer=True),
-        Output(name="albedo", doc="linear reflectance, shown through a power of 1/2.2", draw=_plane("albedo"), of_gbuffer=True),
+        Output(
+            name="albedo",
+            doc="linear reflectance, shown through a power of 1/2.2",
+            draw=_plane("albedo"),
+            of_gbuffer=True,
+        ),
     )
 }
 """Everything that may be shown, by name; the first is the default."""

@@ -11,6 +11,9 @@ from ssgi_cl.core.camera import Camera
 
 Vector = tuple[float, float, float]
 
+_LEVEL = 0.02
+"""Of the y component of a camera's axes: one that stands level turns about y."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Pose:
@@ -39,7 +42,7 @@ class Pose:
         return cls(
             eye=_vector(eye),
             target=_vector(eye + distance * ahead),
-            up=_vector(camera.view[1, :3]),
+            up=(0.0, 1.0, 0.0) if abs(camera.view[0, 1]) < _LEVEL < camera.view[1, 1] else _vector(camera.view[1, :3]),
             yfov=2.0 * math.atan(slope),
         )
 

@@ -137,9 +137,7 @@ class Reference:
         subject, per_pass = self.subject, PASS_SAMPLES[self.subject.what]
         if subject.what == "ao":
             rays = RayAo(subject.scene)
-            return lambda number: rays(
-                subject.camera, subject.radius, per_pass, estimate_error=False, seed=number
-            )[0]
+            return lambda number: rays(subject.camera, subject.radius, per_pass, estimate_error=False, seed=number)[0]
         variant = mitsuba_scene.best_variant()
         most = MOST_BOUNCES if isinstance(subject.bounces, str) else subject.bounces
         with mitsuba_scene.within(variant):

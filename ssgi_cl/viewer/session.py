@@ -215,10 +215,12 @@ class Session:
     def _moving(self, look: Look, asked: int) -> None:
         start = perf_counter()
         size = self._pace.size(*look.size)
+        made = self._painter.made
         self._drawn = self._draw(look, size, moving=True)
         self._other = self._draw_other(look, size, moving=True)
         self._present(look, asked, True, start)
-        self._pace.note((perf_counter() - start) * 1e3)
+        if self._painter.made == made:  # preparations are not the pace of what follows
+            self._pace.note((perf_counter() - start) * 1e3)
 
     def _still(self, look: Look, asked: int) -> None:
         start = perf_counter()
@@ -286,12 +288,7 @@ class Session:
         self._last = look, asked
         self._show(
             Shown(
-                picture=picture,
-                moving=moving,
-                note=", ".join(notes),
-                frame=drawn.frame,
-                wall_ms=wall_ms,
-                answers=asked,
+                picture=picture, moving=moving, note=", ".join(notes), frame=drawn.frame, wall_ms=wall_ms, answers=asked
             )
         )
         self._say("")

@@ -14,12 +14,7 @@ from ssgi_cl.techniques.ao.occlusion import OcclusionParams
 FRAME, PRESET, AO, BOUNCE = "frame", "preset", "ao", "bounce"
 """Groups of parameters: of the frame, of the whole picture's accuracy, and of the techniques that it uses."""
 
-TITLES = {
-    FRAME: "Frame",
-    PRESET: "Whole picture",
-    AO: "Ambient occlusion: {}",
-    BOUNCE: "One bounce: {}",
-}
+TITLES = {FRAME: "Frame", PRESET: "Whole picture", AO: "Ambient occlusion: {}", BOUNCE: "One bounce: {}"}
 """Of each group; {} stands for the technique's name."""
 
 _ONE_BOUNCE = ("indirect", "method", "glossy_vpls", "auxiliary_cameras", "indirect_ao")

@@ -40,7 +40,7 @@ def view_command(source: str, host: str, port: int, environments: tuple[Path, ..
     with progress(False) as step:
         step(f"opening {source}")
         window = view(source, environments=environments, host=host, port=port, runtime=Runtime.open(device))
-    for note in window.source.scene.notes if window.source.scene is not None else window.source.gbuffer.notes:
+    for note in window.source.notes:
         click.echo(printable(f"note: {note}"), err=True)
     click.echo(f"{source} at {window.url} (Ctrl-C ends it)")
     window.wait()

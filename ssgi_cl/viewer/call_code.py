@@ -26,8 +26,12 @@ def code(source: Source, look: Look) -> str:
     pose = look.pose
     camera = [
         "camera = gi.Camera.look_at(",
-        f"    {_tuple(pose.eye)}, {_tuple(pose.target)}, {_tuple(pose.up)},",
-        f"    yfov={pose.yfov:.6g}, width={width}, height={height},",
+        f"    {_tuple(pose.eye)},",
+        f"    {_tuple(pose.target)},",
+        f"    {_tuple(pose.up)},",
+        f"    yfov={pose.yfov:.6g},",
+        f"    width={width},",
+        f"    height={height},",
         ")",
     ]
     given = "".join(f", {name}={value}" for name, value in _changed(params))

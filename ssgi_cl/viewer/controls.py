@@ -94,7 +94,9 @@ def controls(params: Params, lengths: float, *, only: frozenset[str] | None = No
 
 
 def _applies(params: Params, control: Control) -> bool:
-    """Return whether a parameter may have another value beside the present ones of the others."""
+    """Return whether a parameter of a frame may have another value beside the present ones of the others."""
+    if not isinstance(params, FrameParams):  # those of techniques depend on each other in both directions
+        return True
     if control.kind in ("choice", "number") and not control.whole:
         return True
     other = not control.shown if control.kind == "switch" else control.value(control.high or 1)
@@ -122,7 +124,7 @@ def _control(
         return Control(kind="choice", words=words, shown=shown or _said(params, name, value, words), **about)
     if parts == {bool}:
         return Control(kind="switch", shown=bool(value), **about)
-    if not parts & {int, float}:
+    if not parts & {int, float} or isinstance(value, str):  # a number or a word that nothing lists
         return None
     return _number(value, default, rule, int in parts and float not in parts, lengths, about)
 
@@ -131,11 +133,12 @@ def _number(
     value: Any, default: Any, rule: Mapping[str, Any], whole: bool, lengths: float, about: dict[str, Any]
 ) -> Control:
     low, high = rule["low"], rule["high"]
+    value = value[0] if isinstance(value, tuple) else value  # several radii
     if whole:
         return _integer(value, default, low, high, about)
     if default is None and rule["unit"] != "scene units":  # a factor
         shown = 0.0 if value is None else math.log2(value)
-        span = {"low": min(-STOPS, shown), "high": max(STOPS, shown), "step": 0.125}
+        span: dict[str, Any] = {"low": min(-STOPS, shown), "high": max(STOPS, shown), "step": 0.125}
         about["label"] = f"{about['label']}, 2^x"
         return Control(kind="slider", shown=shown, power=True, **span, **about)
     usual = lengths if rule["unit"] == "scene units" else default
@@ -154,7 +157,7 @@ def _number(
 def _integer(value: Any, default: Any, low: float, high: float, about: dict[str, Any]) -> Control:
     shown = value if value is not None else default
     if math.isfinite(high) and high - low <= MOST_STEPS:
-        span = {"low": int(low), "high": int(high), "step": 1}
+        span: dict[str, Any] = {"low": int(low), "high": int(high), "step": 1}
         return Control(kind="slider", shown=int(low) if shown is None else shown, whole=True, **span, **about)
     if not math.isfinite(low):
         return Control(kind="number", shown=16 if shown is None else shown, whole=True, **about)

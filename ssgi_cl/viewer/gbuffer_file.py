@@ -50,7 +50,7 @@ def _from_npz(path: Path) -> GBuffer:
         raise ValueError(f"{path} has {', '.join(arrays) or 'nothing'}: expected 'depth' among its arrays")
     rows, columns = arrays["depth"].shape[-2:] if arrays["depth"].ndim >= 2 else (1, 1)
     given = {name: arrays[name] for name in ARRAYS if name in arrays}
-    return GBuffer(camera=_camera(rows, columns, arrays), nan="hole", **given)  # type: ignore[arg-type]
+    return GBuffer(camera=_camera(rows, columns, arrays), nan="hole", **given)
 
 
 def _camera(rows: int, columns: int, arrays: dict[str, NDArray[np.float64]]) -> Camera:

@@ -23,6 +23,7 @@ from ssgi_cl.viewer.light_settings import (
     with_colour,
     with_power,
 )
+from ssgi_cl.viewer.panel import listener
 from ssgi_cl.viewer.source import Source
 
 MOST_HANDLES = 16
@@ -67,7 +68,7 @@ class LightPanel:
             if source.scene is not None and any(not isinstance(state.light, Environment) for state in read()):
                 switch = client.gui.add_checkbox("handles", False, hint="Show the lights' handles in the scene.")
 
-                @switch.on_update
+                @listener(switch.on_update)
                 async def _(_: Any) -> None:
                     self.show_handles(switch.value)
 
@@ -98,23 +99,23 @@ class LightPanel:
                 place = gui.add_vector3(label, _three(getattr(light, name)), step=0.01)
                 self._places[index] = place
 
-        @on.on_update
+        @listener(on.on_update)
         async def _(_: Any) -> None:
             self._set(index, lambda state: replace(state, on=on.value))
 
-        @colour.on_update
+        @listener(colour.on_update)
         async def _(_: Any) -> None:
             self._change(index, lambda light: with_colour(light, _decoded(colour.value)))
 
-        @power.on_update
+        @listener(power.on_update)
         async def _(_: Any) -> None:
             self._change(index, lambda light: with_power(light, power.value))
 
         if place is not None:
 
-            @place.on_update
+            @listener(place.on_update)
             async def _(_: Any) -> None:
-                self._change(index, lambda light: replace(light, **{name: place.value}))  # type: ignore[type-var]
+                self._change(index, lambda light: replace(light, **{name: place.value}))
 
     def _add_handle(self, index: int, light: Light) -> None:
         place = handle_place(light, self._centre, 0.5 * self._source.extent)
@@ -129,7 +130,7 @@ class LightPanel:
         )
         self._handles[index] = handle
 
-        @handle.on_update
+        @listener(handle.on_update)
         async def _(_: Any) -> None:
             self.drag(index, np.asarray(handle.position))
 
@@ -156,9 +157,11 @@ class LightPanel:
 
     def _add_environments(self) -> None:
         names: dict[str, Path | None] = {_OWN: None, **{path.name: path for path in self._source.environments}}
-        chosen = self._client.gui.add_dropdown("environment", tuple(names), _OWN, hint="Files given at the start.")
+        chosen = self._client.gui.add_dropdown(
+            "environment", tuple(names), initial_value=_OWN, hint="Files given at the start."
+        )
 
-        @chosen.on_update
+        @listener(chosen.on_update)
         def _(_: Any) -> None:  # reads a file: not on the thread of the connections
             path = names[chosen.value]
             try:

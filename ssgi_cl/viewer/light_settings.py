@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,9 +96,11 @@ def moved(light: Light, place: NDArray[np.float64], centre: NDArray[np.float64])
 def _rgb(light: Light) -> NDArray[np.float64]:
     value = np.asarray(getattr(light, QUANTITIES[type(light)][0]), np.float64)
     if value.ndim == 3:
-        return value.mean(axis=(0, 1))
+        mean: NDArray[np.float64] = value.mean(axis=(0, 1))
+        return mean
     return np.broadcast_to(value, (3,)).astype(np.float64)
 
 
-def _replaced(light: Light, **changes: object) -> Light:
-    return replace(light, **changes)  # type: ignore[type-var]
+def _replaced(light: Any, **changes: object) -> Light:
+    changed: Light = replace(light, **changes)
+    return changed

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from contextlib import suppress
 from time import monotonic
 from typing import Any
 
@@ -66,8 +67,6 @@ class Outlet:
             self._client.flush()
             self.sent += 1
             self.latest = shown
-            try:
+            with suppress(RuntimeError, TimeoutError):  # it has no such storage, is gone, or sleeps
                 self._client.local_storage.get_item(_KEY, timeout=PATIENCE)
-            except (RuntimeError, TimeoutError):  # it has no such storage, is gone, or sleeps
-                pass
             self.answered = shown.answers, monotonic()

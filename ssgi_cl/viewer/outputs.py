@@ -25,7 +25,7 @@ from ssgi_cl.techniques.filters.tonemap import auto_exposure, tonemap
 from ssgi_cl.techniques.reflections.reflections import reflections
 from ssgi_cl.techniques.sampled_lights.sampled_lights import sampled_lights
 from ssgi_cl.viewer.painter import Painter
-from ssgi_cl.viewer.settings import occlusion_of
+from ssgi_cl.viewer.settings import direct_params, occlusion_of
 
 Floats = NDArray[np.float32]
 Picture = NDArray[np.uint8]
@@ -169,8 +169,9 @@ def _ao(job: Job) -> Drawn:
     if job.scene is None:
         surfaces = job.surfaces()
         found = _occlusion(job, surfaces)
-        if found is not None and job.params.multi_bounce:
-            found = multi_bounce(found, surfaces.inner(surfaces.first("albedo"))).mean(axis=-1)  # type: ignore[arg-type]
+        albedo = surfaces.first("albedo")
+        if found is not None and albedo is not None and job.params.multi_bounce:
+            found = multi_bounce(found, surfaces.inner(albedo)).mean(axis=-1)
         size = surfaces.size
         return Drawn(kind="share", values=np.ones(size, np.float32) if found is None else found)
     frame = job.frame("ao")
@@ -180,8 +181,7 @@ def _ao(job: Job) -> Drawn:
 
 def _direct(job: Job) -> Drawn:
     punctual = tuple(light for light in job.lights if not isinstance(light, Environment))
-    params = replace(job.params, bounces=0, preset=None, indirect=None, method=None, ao=False, indirect_ao=False)
-    params = replace(params, ao_samples=None, glossy_vpls=0, auxiliary_cameras=0)
+    params = replace(direct_params(job.params), ao=False, ao_samples=None)
     assert job.scene is not None  # noqa: S101  of scenes alone
     frame = job.painter.frame(job.scene, job.camera, punctual, params, "radiance")
     return _light(job, frame.radiance, frame)
@@ -199,7 +199,7 @@ def _sky(job: Job) -> Drawn:
         return _light(job, np.zeros((*job.camera.size, 3), np.float32))
     whole = job.params.whole
     counts = {} if whole is None else {"directions": whole.directions, "map_size": whole.map_size}
-    found = sampled_lights(job.surfaces(), skies, scene=job.scene, runtime=job.runtime, **counts)  # type: ignore[arg-type]
+    found = sampled_lights(job.surfaces(), skies, scene=job.scene, runtime=job.runtime, **counts)
     return _light(job, found / np.float32(np.pi))
 
 

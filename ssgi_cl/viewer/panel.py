@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 from ssgi_cl.viewer.controls import Control, controls
 from ssgi_cl.viewer.settings import AO, BOUNCE, FRAME, PRESET, Settings
@@ -12,6 +12,15 @@ CHOOSES = {(FRAME, name) for name in ("bounces", "preset", "ao", "indirect", "me
 """Parameters that decide which others there are."""
 PICTURE = frozenset(("exposure", "curve"))
 """Parameters of the frame that stand beside the output, not among the others."""
+
+
+Callback = TypeVar("Callback", bound=Callable[..., Any])
+
+
+def listener(register: Any) -> Callable[[Callback], Callback]:
+    """Return a method of a widget of viser that registers a callback, as a decorator with types."""
+    decorator: Callable[[Callback], Callback] = register
+    return decorator
 
 
 class Panel:
@@ -61,7 +70,7 @@ class Panel:
         """Add the widget of a control to the present container; return it."""
         widget = _widget(self._gui, control)
 
-        @widget.on_update
+        @listener(widget.on_update)
         async def _(_: Any) -> None:
             self.change(group, control, widget.value)
 
@@ -84,7 +93,7 @@ def _widget(gui: Any, control: Control) -> Any:
     if control.kind == "switch":
         return gui.add_checkbox(control.label, control.shown, hint=control.hint)
     if control.kind == "choice":
-        return gui.add_dropdown(control.label, tuple(control.words), control.shown, hint=control.hint)
+        return gui.add_dropdown(control.label, tuple(control.words), initial_value=control.shown, hint=control.hint)
     if control.kind == "number":
         return gui.add_number(control.label, control.shown, hint=control.hint)
     whole = control.whole and not control.power

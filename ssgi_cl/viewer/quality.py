@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 from ssgi_cl.frame.params import FrameParams, WholeFrameParams
+from ssgi_cl.viewer.settings import direct_params
 
 TARGET_MS = 52.0
 """Of a frame while something moves: 15 frames a second leave 66 ms, of which encoding and sending take some."""
@@ -28,7 +30,7 @@ _STEADY = 6
 
 def moving_params(params: FrameParams) -> FrameParams:
     """Return the parameters of a frame while something moves: as given or less exact."""
-    changes = {
+    changes: dict[str, Any] = {
         "shadow_size": min(params.shadow_size, SHADOW_SIZE),
         "rsm_size": min(params.rsm_size, RSM_SIZE),
         "layers": 1,
@@ -42,6 +44,11 @@ def moving_params(params: FrameParams) -> FrameParams:
     }
     preset: WholeFrameParams = replace(whole, **coarse)
     return replace(params, preset=preset, **changes)
+
+
+def quick_params(params: FrameParams) -> FrameParams:
+    """Return the parameters of the very first picture: direct light and ambient occlusion, of which kernels are few."""
+    return moving_params(direct_params(params))
 
 
 class Pace:

@@ -12,8 +12,11 @@ from typing import Any
 
 from ssgi_cl.core.errors import MissingExtraError
 from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.frame.params import FrameParams
+from ssgi_cl.viewer.painter import Painter
+from ssgi_cl.viewer.quality import quick_params
 from ssgi_cl.viewer.render_loop import RenderLoop
-from ssgi_cl.viewer.source import Source
+from ssgi_cl.viewer.source import HEIGHT, WIDTH, Source
 from ssgi_cl.viewer.tab import Tab
 
 NOTEBOOK_HEIGHT = 600
@@ -53,18 +56,14 @@ class Viewer:
         self._lock = threading.Lock()
         self._loop = RenderLoop()
 
-        class Server(package.ViserServer):  # type: ignore[misc]
-            """A server that no page can have shared with the world."""
-
-            def request_share_url(self, verbose: bool = True) -> str | None:
-                """Return None: a tunnel to another machine is not what was asked for."""
-                return None
-
         with contextlib.redirect_stdout(io.StringIO()):  # it prints a box with its address
-            self._server = Server(host=host, port=port, label=f"ssgi view {source.name}", verbose=False)
+            self._server = package.ViserServer(host=host, port=port, label=f"ssgi view {source.name}", verbose=False)
+        # A page may ask for a tunnel to the world outside: that is for the caller to decide, by `host`.
+        self._server.request_share_url = lambda verbose=True: None
         self.url = f"http://{self._server.get_host()}:{self._server.get_port()}"
         self._server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
         self._place_camera(source)
+        self._loop.do(self._warm)
         self._server.on_client_connect(self._connected)
         self._server.on_client_disconnect(self._disconnected)
 
@@ -98,6 +97,15 @@ class Viewer:
         start, pose = self._server.initial_camera, source.pose
         self._server.scene.set_up_direction(pose.up)
         start.up, start.position, start.look_at, start.fov = pose.up, pose.eye, pose.target, pose.yfov
+
+    def _warm(self) -> None:
+        """Bring the scene and the kernels of the first picture to the device while a browser starts."""
+        scene, pose = self.source.scene, self.source.pose
+        if scene is None:
+            return
+        size = WIDTH // 2, HEIGHT // 2
+        params = quick_params(FrameParams())
+        Painter(self._runtime).frame(scene, pose.camera(*size), self.source.lights, params, "image")
 
     def _connected(self, client: Any) -> None:
         tab = Tab(client, self.source, self._runtime, self._loop, self._reload)

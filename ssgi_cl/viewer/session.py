@@ -13,8 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.errors import MissingExtraError
+from ssgi_cl.core.lights import are_same
 from ssgi_cl.core.srgb import BYTES
 from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.frame.params import FrameParams
 from ssgi_cl.frame.result import Frame
 from ssgi_cl.io.console import is_expected, one_line
 from ssgi_cl.truth import metrics
@@ -23,7 +25,7 @@ from ssgi_cl.viewer.compose import false_colours, relative_error, wiped
 from ssgi_cl.viewer.look import Look
 from ssgi_cl.viewer.outputs import ERROR, OUTPUTS, Drawn, Job, lit_picture
 from ssgi_cl.viewer.painter import Painter
-from ssgi_cl.viewer.quality import Pace, moving_params
+from ssgi_cl.viewer.quality import Pace, moving_params, quick_params
 from ssgi_cl.viewer.reference import Reference, Subject
 from ssgi_cl.viewer.source import Source
 
@@ -35,6 +37,7 @@ REST = 0.4
 """Seconds from the still picture until it is refined: what moves again meanwhile is answered at once."""
 
 Picture = NDArray[np.uint8]
+Coarser = Callable[[FrameParams], FrameParams]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -97,6 +100,7 @@ class Session:
         self._painter = Painter(runtime)
         self._pace = Pace()
         self._answered = 0
+        self._begun = False
         self._drawn: Drawn | None = None
         self._other: Drawn | None = None
         self._still_at = 0.0
@@ -187,13 +191,16 @@ class Session:
     def _step(self, look: Look, asked: int, changed_at: float) -> float | None:
         now = monotonic()
         if asked != self._answered:
-            first = self._answered == 0
+            begins, self._begun = not self._begun, True
             self._answered, self._still_at, self._drawn = asked, 0.0, None
             if self.source.scene is not None:
-                self._moving(look, asked)
-                return 0.0 if first else max(0.0, changed_at + SETTLE - monotonic())
+                self._moving(look, asked, quick_params if begins else moving_params)
+                if begins:  # what takes longer to prepare comes next
+                    self._answered = 0
+                    return 0.0
+                return max(0.0, changed_at + SETTLE - monotonic())
         if not self._still_at:
-            if now < changed_at + SETTLE and self.source.scene is not None and asked > 1:
+            if now < changed_at + SETTLE and self.source.scene is not None:
                 return changed_at + SETTLE - now
             self._accumulation = Accumulation()
             self._still(look, asked)
@@ -212,21 +219,21 @@ class Session:
         self._still(look, asked)
         return 0.0
 
-    def _moving(self, look: Look, asked: int) -> None:
+    def _moving(self, look: Look, asked: int, coarser: Coarser) -> None:
         start = perf_counter()
         size = self._pace.size(*look.size)
         made = self._painter.made
-        self._drawn = self._draw(look, size, moving=True)
-        self._other = self._draw_other(look, size, moving=True)
+        self._drawn = self._draw(look, size, coarser)
+        self._other = self._draw_other(look, size, coarser)
         self._present(look, asked, True, start)
         if self._painter.made == made:  # preparations are not the pace of what follows
             self._pace.note((perf_counter() - start) * 1e3)
 
     def _still(self, look: Look, asked: int) -> None:
         start = perf_counter()
-        drawn = self._draw(look, look.size, moving=False)
+        drawn = self._draw(look, look.size, None)
         if self._accumulation.count == 0:
-            self._other = self._draw_other(look, look.size, moving=False)
+            self._other = self._draw_other(look, look.size, None)
         if self.source.scene is not None and drawn.kind == "light" and drawn.values is not None:
             first = self._accumulation.count == 0
             exposure = drawn.exposure if first or self._drawn is None else self._drawn.exposure
@@ -236,10 +243,10 @@ class Session:
         self._drawn = drawn
         self._present(look, asked, False, start)
 
-    def _draw(self, look: Look, size: tuple[int, int], *, moving: bool) -> Drawn:
+    def _draw(self, look: Look, size: tuple[int, int], coarser: Coarser | None) -> Drawn:
         params = look.settings.params
         camera = look.pose.camera(*size)
-        if self.source.scene is not None and look.drawn == "picture" and not moving:
+        if self.source.scene is not None and look.drawn == "picture" and coarser is None:
             camera = self._accumulation.camera(camera)
         output = OUTPUTS[look.drawn]
         if self.source.scene is None and not output.of_gbuffer:
@@ -250,18 +257,18 @@ class Session:
             gbuffer=self.source.gbuffer,
             camera=camera,
             lights=look.shining,
-            params=moving_params(params) if moving else params,
+            params=params if coarser is None else coarser(params),
             radius=look.settings.radius,
-            encoded=moving,
+            encoded=coarser is not None,
         )
         return output.draw(job)
 
-    def _draw_other(self, look: Look, size: tuple[int, int], *, moving: bool) -> Drawn | None:
+    def _draw_other(self, look: Look, size: tuple[int, int], coarser: Coarser | None) -> Drawn | None:
         if look.against != "B" or look.other is None:
             return None
         accumulation, self._accumulation = self._accumulation, Accumulation()
         try:
-            return self._draw(replace(look.other, pose=look.pose), size, moving=moving)
+            return self._draw(replace(look.other, pose=look.pose), size, coarser)
         finally:
             self._accumulation = accumulation
 
@@ -315,9 +322,7 @@ class Session:
             return None
         of = self._reference_look
         same = of.pose == look.pose and of.size == look.size and of.drawn == look.drawn
-        lights = of.shining, look.shining
-        same = same and len(lights[0]) == len(lights[1]) and all(a is b for a, b in zip(*lights, strict=True))
-        return reference.latest[0] if same else None
+        return reference.latest[0] if same and are_same(of.shining, look.shining) else None
 
     def _error(
         self, drawn: Drawn, picture: Picture, look: Look, reference: NDArray[np.float32] | None, notes: list[str]

@@ -111,6 +111,12 @@ def check_share(value: float) -> float:
     return checks.number("wipe", value, low=0.0, high=1.0, unit="share of the picture's width")
 
 
+def direct_params(params: FrameParams) -> FrameParams:
+    """Return the parameters of a frame without reflected light."""
+    values: dict[str, Any] = {"bounces": 0, "preset": None, "indirect": None, "method": None, "indirect_ao": False}
+    return replace(params, **values, glossy_vpls=0, auxiliary_cameras=0)
+
+
 def occlusion_of(params: FrameParams, radius: float) -> OcclusionParams | None:
     """Return the parameters of a frame's ambient occlusion; `radius` (scene units) where it has none of its own."""
     return params.techniques(radius)[0]

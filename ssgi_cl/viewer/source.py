@@ -56,6 +56,12 @@ class Source:
     code: tuple[str, ...]
     reload: Callable[[], Source] | None = None
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was assumed or is not drawn."""
+        shown = self.scene if self.gbuffer is None else self.gbuffer
+        return () if shown is None else shown.notes
+
 
 def scene_source(
     name: str,

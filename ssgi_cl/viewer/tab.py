@@ -19,7 +19,7 @@ from ssgi_cl.viewer.light_settings import LightState
 from ssgi_cl.viewer.look import AGAINST, Look
 from ssgi_cl.viewer.outlet import Outlet
 from ssgi_cl.viewer.outputs import ERROR, OUTPUTS
-from ssgi_cl.viewer.panel import PICTURE, Panel
+from ssgi_cl.viewer.panel import PICTURE, Panel, listener
 from ssgi_cl.viewer.pass_chart import chart
 from ssgi_cl.viewer.pose import Pose
 from ssgi_cl.viewer.render_loop import RenderLoop
@@ -89,20 +89,20 @@ class Tab:
         if source.scene is not None:
             names.append(ERROR)
         hint = "; ".join(f"{name}: {OUTPUTS[name].doc}" for name in names if name in OUTPUTS)
-        output = gui.add_dropdown("output", tuple(names), names[0], hint=hint)
+        output = gui.add_dropdown("output", tuple(names), initial_value=names[0], hint=hint)
         output.on_update(self._changes(lambda: {"output": output.value}))
         for control in controls(self._settings().params, source.radius, only=PICTURE):
             self._panel.add(FRAME, control)
         if source.scene is not None:
-            cameras = gui.add_dropdown("camera", tuple(source.cameras), next(iter(source.cameras)))
+            cameras = gui.add_dropdown("camera", tuple(source.cameras), initial_value=next(iter(source.cameras)))
 
-            @cameras.on_update
+            @listener(cameras.on_update)
             async def _(_: Any) -> None:
                 self.look_from(source.cameras[cameras.value])
 
-            width = gui.add_dropdown("width (px)", WIDTHS, str(WIDTH), hint="Of the still picture.")
+            width = gui.add_dropdown("width (px)", WIDTHS, initial_value=str(WIDTH), hint="Of the still picture.")
 
-            @width.on_update
+            @listener(width.on_update)
             async def _(_: Any) -> None:
                 self._width = int(width.value)
                 self.session.change(size=self._size())
@@ -115,13 +115,13 @@ class Tab:
 
     def _build_comparison(self) -> None:
         gui = self._client.gui
-        against = gui.add_dropdown("right of the wipe", AGAINST, AGAINST[0])
+        against = gui.add_dropdown("right of the wipe", AGAINST, initial_value=AGAINST[0])
         against.on_update(self._changes(lambda: {"against": against.value}))
         wipe = gui.add_slider("wipe", 0.0, 1.0, 0.005, 0.5, hint="Share of the picture's width.")
         wipe.on_update(self._changes(lambda: {"wipe": check_share(wipe.value)}))
         keep = gui.add_button("Keep this as B", hint="Its output, settings and lights; compared with what is set next.")
 
-        @keep.on_click
+        @listener(keep.on_click)
         async def _(_: Any) -> None:
             self.session.change(other=replace(self.session.look, other=None), against="B")
             against.value = "B"
@@ -133,7 +133,7 @@ class Tab:
         )
         stop = gui.add_button("Stop the reference")
 
-        @stop.on_click
+        @listener(stop.on_click)
         async def _(_: Any) -> None:
             self.session.stop_reference()
 

@@ -45,7 +45,7 @@ def _from_npz(path: Path) -> GBuffer:
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
     except (ValueError, zipfile.BadZipFile, EOFError, KeyError) as error:
-        raise ValueError(f"{path} is no .npz file of arrays: {error}") from error
+        raise ValueError(f"{path} cannot be read: expected a file of arrays by numpy.savez ({error})") from error
     if "depth" not in arrays:
         raise ValueError(f"{path} has {', '.join(arrays) or 'nothing'}: expected 'depth' among its arrays")
     rows, columns = arrays["depth"].shape[-2:] if arrays["depth"].ndim >= 2 else (1, 1)

@@ -115,7 +115,8 @@ class LightPanel:
 
             @listener(place.on_update)
             async def _(_: Any) -> None:
-                self._change(index, lambda light: replace(light, **{name: place.value}))
+                if not np.allclose(place.value, getattr(self._read()[index].light, name)):  # else it followed a handle
+                    self._change(index, lambda light: replace(light, **{name: place.value}))
 
     def _add_handle(self, index: int, light: Light) -> None:
         place = handle_place(light, self._centre, 0.5 * self._source.extent)

@@ -49,6 +49,7 @@ class Shown:
         moving: whether a better one follows.
         note: what the page says of it.
         frame: that it was made from, if any.
+        exposure: of light, 0 of anything else.
         wall_ms: of drawing it.
         answers: number of the latest change that it answers.
     """
@@ -57,6 +58,7 @@ class Shown:
     moving: bool
     note: str
     frame: Frame | None
+    exposure: float
     wall_ms: float
     answers: int
 
@@ -295,7 +297,13 @@ class Session:
         self._last = look, asked
         self._show(
             Shown(
-                picture=picture, moving=moving, note=", ".join(notes), frame=drawn.frame, wall_ms=wall_ms, answers=asked
+                picture=picture,
+                moving=moving,
+                note=", ".join(notes),
+                frame=drawn.frame,
+                exposure=drawn.exposure if drawn.kind == "light" else 0.0,
+                wall_ms=wall_ms,
+                answers=asked,
             )
         )
         self._say("")

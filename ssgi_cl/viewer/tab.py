@@ -13,7 +13,7 @@ import numpy as np
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.io.console import is_expected, one_line
 from ssgi_cl.viewer.call_code import code
-from ssgi_cl.viewer.controls import controls
+from ssgi_cl.viewer.controls import STOPS, controls
 from ssgi_cl.viewer.light_panel import LightPanel
 from ssgi_cl.viewer.light_settings import LightState
 from ssgi_cl.viewer.look import AGAINST, Look
@@ -75,6 +75,14 @@ class Tab:
         with view:
             self._build_view()
         LightPanel(self._client, lights, source, lambda: self.session.look.lights, self._set_lights, self._say)
+        with frame:
+            defaults = gui.add_button("All defaults")
+
+            @listener(defaults.on_click)
+            async def _(_: Any) -> None:
+                self._set_settings(Settings(source.radius))
+                self._panel.build()
+
         self._panel.build()
         with reference:
             self._build_comparison()
@@ -92,7 +100,15 @@ class Tab:
         output = gui.add_dropdown("output", tuple(names), initial_value=names[0], hint=hint)
         output.on_update(self._changes(lambda: {"output": output.value}))
         for control in controls(self._settings().params, source.radius, only=PICTURE):
-            self._panel.add(FRAME, control)
+            widget = self._panel.add(FRAME, control)
+            if control.name == "exposure":
+                self._exposure = widget
+        automatic = gui.add_button("Automatic exposure")
+
+        @listener(automatic.on_click)
+        async def _(_: Any) -> None:
+            self._set_settings(self._settings().changed(FRAME, "exposure", None))
+
         if source.scene is not None:
             cameras = gui.add_dropdown("camera", tuple(source.cameras), initial_value=next(iter(source.cameras)))
 
@@ -230,6 +246,8 @@ class Tab:
         if self.session.reference is not None:
             self._reference.content = _text(self.session.reference.text)
         if not shown.moving:
+            if self._settings().params.exposure is None and shown.exposure > 0.0:
+                self._panel.follow(self._exposure, float(np.clip(round(np.log2(shown.exposure), 3), -STOPS, STOPS)))
             if shown.frame is not None:
                 self._chart.content = chart(shown.frame.graph, shown.frame.wall_ms)
             self._code.content = f"```python\n{code(self._source, self.session.look)}\n```"

@@ -47,12 +47,12 @@ class Panel:
         self._gui, self._container, self._lengths = gui, container, lengths
         self._read, self._write, self._say = read, write, say
         self._folders: list[Any] = []
-        self._echoes: dict[Any, Any] = {}
+        self._echoes: dict[int, Any] = {}  # by id: handles have no hash
 
     def follow(self, widget: Any, shown: Any) -> None:
         """Have a widget show something, without taking that for a wish of the user."""
         if widget.value != shown:
-            self._echoes[widget] = shown
+            self._echoes[id(widget)] = shown
             widget.value = shown
 
     def build(self, groups: tuple[str, ...] = (FRAME, PRESET, AO, BOUNCE)) -> None:
@@ -79,7 +79,7 @@ class Panel:
 
         @listener(widget.on_update)
         async def _(_: Any) -> None:
-            if self._echoes.pop(widget, None) != widget.value:
+            if self._echoes.pop(id(widget), None) != widget.value:
                 self.change(group, control, widget.value)
 
         return widget

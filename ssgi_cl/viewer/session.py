@@ -94,7 +94,6 @@ class Session:
         self._lock = threading.Lock()
         self._look = look
         self._asked = 1
-        self._changed_at = monotonic()
         self._news = False
         self._renewed = False
         self._closed = False
@@ -105,6 +104,7 @@ class Session:
         self._begun = False
         self._drawn: Drawn | None = None
         self._other: Drawn | None = None
+        self._moved_at = 0.0
         self._still_at = 0.0
         self._accumulation = Accumulation()
         self._last: tuple[Look, int] = look, 0
@@ -121,7 +121,6 @@ class Session:
         with self._lock:
             self._look = replace(self._look, **changes)
             self._asked += 1
-            self._changed_at = monotonic()
             asked = self._asked
         self._wake()
         return asked
@@ -174,12 +173,12 @@ class Session:
         if self._closed:
             return None
         with self._lock:
-            look, asked, changed_at = self._look, self._asked, self._changed_at
+            look, asked = self._look, self._asked
             if self._renewed:
                 self._painter.close()
                 self._renewed = False
         try:
-            return self._step(look, asked, changed_at)
+            return self._step(look, asked)
         except Exception as error:
             self._answered = asked
             self._still_at = monotonic()
@@ -190,7 +189,7 @@ class Session:
             self._say(one_line(error) or type(error).__name__)
             return None
 
-    def _step(self, look: Look, asked: int, changed_at: float) -> float | None:
+    def _step(self, look: Look, asked: int) -> float | None:
         now = monotonic()
         if asked != self._answered:
             begins, self._begun = not self._begun, True
@@ -200,10 +199,12 @@ class Session:
                 if begins:  # what takes longer to prepare comes next
                     self._answered = 0
                     return 0.0
-                return max(0.0, changed_at + SETTLE - monotonic())
+                # From this picture on: a slow one gives no less time to the next request.
+                self._moved_at = monotonic()
+                return SETTLE
         if not self._still_at:
-            if now < changed_at + SETTLE and self.source.scene is not None:
-                return changed_at + SETTLE - now
+            if now < self._moved_at + SETTLE and self.source.scene is not None:
+                return self._moved_at + SETTLE - now
             self._accumulation = Accumulation()
             self._still(look, asked)
             self._still_at = monotonic()

@@ -98,13 +98,14 @@ class Stand:
         return self.session.change(pose=replace(pose, eye=tuple(turned.tolist())))
 
 
-def _moving(stand: Stand, frames: int) -> dict[str, Any]:
+def moving(stand: Stand, frames: int) -> dict[str, Any]:
+    """Return the rate of pictures while the camera turns."""
     for step in range(20):  # sizes are chosen and prepared
         stand.answer(stand.orbit(0.01 * step))
     begin, times = time.perf_counter(), []
     for step in range(frames):
         last = time.perf_counter()
-        stand.answer(stand.orbit(0.2 + 0.01 * step))
+        stand.answer(stand.orbit(0.2 + 0.004 * step))
         times.append(time.perf_counter() - last)
     note = stand.shown[-1][1].note
     return {
@@ -117,8 +118,8 @@ def _moving(stand: Stand, frames: int) -> dict[str, Any]:
 
 def _random_change(stand: Stand, rng: np.random.Generator) -> int:
     """Change something at random; return the number of the change."""
-    session, kind = stand.session, rng.integers(5)
-    look = session.look
+    session, look = stand.session, stand.session.look
+    kind = rng.integers(5 if look.lights else 3)
     if kind == 0:
         return stand.orbit(float(rng.uniform(-0.5, 0.5)))
     if kind == 1:
@@ -139,9 +140,11 @@ def _random_change(stand: Stand, rng: np.random.Generator) -> int:
     return session.change(lights=tuple(lights))
 
 
-def _sliders(stand: Stand, count: int) -> dict[str, Any]:
+def sliders(stand: Stand, count: int, *, lights: bool = True) -> dict[str, Any]:
     """Return milliseconds to the answer of a slider that is moved while nothing else happens."""
     found: dict[str, list[float]] = {"exposure": [], "ao radius": [], "light's power": []}
+    if not lights:
+        del found["light's power"]
     for step in range(count + 1):
         for name, times in found.items():
             look = stand.session.look
@@ -164,7 +167,8 @@ def _sliders(stand: Stand, count: int) -> dict[str, Any]:
     }
 
 
-def _random(stand: Stand, moves: int) -> dict[str, Any]:
+def random_changes(stand: Stand, moves: int) -> dict[str, Any]:
+    """Return what many random changes lead to."""
     rng = np.random.default_rng(1)
     begin, slowest, memory = time.perf_counter(), 0.0, []
     for move in range(moves):
@@ -203,10 +207,10 @@ def main(scene: str, moves: int) -> None:
         firsts.append(round(float(run.stdout), 2))
     stand = Stand(scene)
     stand.rest()
-    found = {"first picture s": firsts, "moving": _moving(stand, 100)}
+    found = {"first picture s": firsts, "moving": moving(stand, 100)}
     stand.rest()
-    found["sliders"] = _sliders(stand, 10)
-    found["random"] = _random(stand, moves)
+    found["sliders"] = sliders(stand, 10)
+    found["random"] = random_changes(stand, moves)
     stand.loop.end()
     print(json.dumps(found, indent=1))
 

@@ -2,5 +2,5 @@
 
 `view.py` opens it. Modules without viser: `pose`, `source`, `settings`, `controls`, `outputs`, `painter`, `quality`,
 `accumulation`, `light_settings`, `compose`, `reference`, `session`, `render_loop`, `pass_chart`, `call_code`, `saved`.
-With it: `server`, `tab`, `panel`, `light_panel`, `reference_panel`, `outlet`.
+With it: `server`, `tab`, `panel`, `light_panel`, `outlet`.
 """

@@ -99,9 +99,11 @@ def _applies(params: Params, control: Control) -> bool:
         return True
     if control.kind in ("choice", "number") and not control.whole:
         return True
-    other = not control.shown if control.kind == "switch" else control.value(control.high or 1)
+    other: dict[str, Any] = {
+        control.name: not control.shown if control.kind == "switch" else control.value(control.high or 1)
+    }
     try:
-        replace(params, **{control.name: other})  # type: ignore[type-var]
+        replace(params, **other)
     except ValueError:
         return False
     return True

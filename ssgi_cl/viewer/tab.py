@@ -43,7 +43,7 @@ class Tab:
         self._client, self._source, self._loop, self._reload = client, source, loop, reload
         self._width = WIDTH
         self._noted = 0.0
-        self._said = ""
+        self._said = {"wish": "", "drawing": ""}
         self._outlet = Outlet(client)
         look = Look(
             pose=source.pose,
@@ -51,7 +51,7 @@ class Tab:
             settings=Settings(source.radius),
             lights=tuple(LightState(light=light) for light in source.lights),
         )
-        self.session = Session(source, look, runtime, self._show, self._say, loop.wake)
+        self.session = Session(source, look, runtime, self._show, self._say_drawing, loop.wake)
         client.camera.near, client.camera.far = 1e-3 * source.extent, 100.0 * source.extent
         self._build()
         client.camera.on_update(self._moved)
@@ -169,6 +169,7 @@ class Tab:
         """Run what may fail, and say why it does."""
         try:
             work()
+            self._say("")
         except Exception as error:
             if not is_expected(error):
                 raise
@@ -253,11 +254,20 @@ class Tab:
             self._code.content = f"```python\n{code(self._source, self.session.look)}\n```"
 
     def _say(self, text: str) -> None:
-        """Show what is wrong in the page; "" where nothing is."""
-        if text != self._said:
-            self._said = text
-            style = "padding:6px 10px;margin:4px;background:#fee2e2;color:#991b1b;font-size:12px;white-space:pre-wrap"
-            self._message.content = f'<div role="alert" style="{style}">{escape(text)}</div>' if text else ""
+        """Show what is wrong with what the user asked for; "" once that is no longer so."""
+        self._tell(wish=text)
+
+    def _say_drawing(self, text: str) -> None:
+        """Show why there is no picture; "" once there is."""
+        self._tell(drawing=text)
+
+    def _tell(self, **said: str) -> None:
+        if all(self._said[name] == text for name, text in said.items()):
+            return
+        self._said |= said
+        text = "\n".join(each for each in self._said.values() if each)
+        style = "padding:6px 10px;margin:4px;background:#fee2e2;color:#991b1b;font-size:12px;white-space:pre-wrap"
+        self._message.content = f'<div role="alert" style="{style}">{escape(text)}</div>' if text else ""
 
 
 def _vector(values: Any) -> tuple[float, float, float]:

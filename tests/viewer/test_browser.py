@@ -129,10 +129,12 @@ def test_the_page_shows_the_scene_and_the_camera_orbits(page: Page) -> None:
 
 def test_a_slider_changes_the_picture_and_a_value_out_of_range_is_text(page: Page) -> None:
     before = page.shot("exposure-before")
-    slider = page.page.get_by_role("slider").first
-    slider.focus()
-    for _ in range(12):
-        slider.press("ArrowLeft")
+    # By the mouse: arrow keys turn the camera too, wherever the focus is.
+    thumb = page.page.get_by_role("slider").first.bounding_box()
+    page.page.mouse.move(thumb["x"] + thumb["width"] / 2, thumb["y"] + thumb["height"] / 2)
+    page.page.mouse.down()
+    page.page.mouse.move(thumb["x"] - 30, thumb["y"] + thumb["height"] / 2, steps=5)
+    page.page.mouse.up()
     page.wait(lambda: page.tab._settings().params.exposure is not None, "the slider did nothing")
     page.still()
     after = page.shot("exposure-after")
@@ -164,7 +166,7 @@ def test_a_choice_makes_other_controls(page: Page) -> None:
     page.still()
     page.shot("settings")
     assert page.tab._settings().params.ao_name == "ssao"
-    assert page.tab._said == ""
+    assert not any(page.tab._said.values())
 
 
 @pytest.mark.slow

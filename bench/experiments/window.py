@@ -60,7 +60,7 @@ class Stand:
         if shown.moving:
             Image.fromarray(shown.picture).tobytes("jpeg", "RGB", MOVING_QUALITY)
         # Pictures are kept small: the growth of memory is measured.
-        self.shown.append((time.perf_counter(), replace(shown, picture=shown.picture[:1, :1], frame=None)))
+        self.shown.append((time.perf_counter(), replace(shown, picture=shown.picture[:1, :1].copy(), frame=None)))
 
     def _say(self, text: str) -> None:
         if text:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+import threading
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from ssgi_cl.core import checks
@@ -13,7 +15,7 @@ from ssgi_cl.core.lights import Light, light_tuple
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.raster.default_camera import default_camera, default_lights
-from ssgi_cl.viewer.server import Viewer
+from ssgi_cl.viewer.server import Viewer, viser
 from ssgi_cl.viewer.source import HEIGHT, WIDTH, Source, gbuffer_source, open_source, scene_source
 
 
@@ -51,9 +53,17 @@ def view(
         OSError: a file cannot be read.
     """
     port = checks.integer("port", port, low=1, high=65535)
+    # It takes a third of a second, in which a scene is read and brought to the device; what fails is raised below.
+    threading.Thread(target=lambda: _quietly(viser), name="ssgi import", daemon=True).start()
     runtime = runtime or Runtime.open()
     paths = tuple(Path(path) for path in environments)
     return Viewer(_source(source, camera, lights, paths, runtime), runtime, host=host, port=port)
+
+
+def _quietly(work: Callable[[], object]) -> None:
+    """Run what is run again where its errors matter."""
+    with suppress(Exception):
+        work()
 
 
 def _source(

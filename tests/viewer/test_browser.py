@@ -118,7 +118,7 @@ def test_the_page_shows_the_scene_and_the_camera_orbits(page: Page) -> None:
     pose = page.tab.session.look.pose
     page.page.mouse.move(250, 400)
     page.page.mouse.down()
-    page.page.mouse.move(270, 405, steps=8)
+    page.page.mouse.move(230, 395, steps=8)
     page.page.mouse.up()
     page.wait(lambda: page.tab.session.look.pose != pose, "the camera did not move")
     page.page.wait_for_timeout(500)  # the camera swings out
@@ -126,7 +126,7 @@ def test_the_page_shows_the_scene_and_the_camera_orbits(page: Page) -> None:
     assert page.tab.session.look.pose.target == pytest.approx(pose.target, abs=1e-3)
     after = page.shot("orbited")
     assert _differ(before, after) > 3.0
-    assert after.std() > 10.0
+    assert after.std() > 10.0, page.tab.session.look.pose
 
 
 def test_a_slider_changes_the_picture_and_a_value_out_of_range_is_text(page: Page) -> None:
@@ -270,3 +270,24 @@ def test_two_tabs_have_their_own_cameras_and_no_share_button(browser: Any, page:
     assert page.tab.session.look.pose == pose
     assert window._server.request_share_url() is None
     context.close()
+
+
+@pytest.mark.slow
+def test_a_file_that_vanished_is_text_in_the_page(browser: Any, runtime: Runtime, tmp_path: Path) -> None:
+    path = tmp_path / "corner.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 3 4\nf 1 4 2\n")
+    window = view(path, port=8350, runtime=runtime)
+    context = browser.new_context(viewport={"width": WIDTH, "height": HEIGHT})
+    page = Page(window, context.new_page())
+    page.still()
+    path.unlink()
+    page.page.get_by_role("button", name="Read the file again").click()
+    alert = page.page.get_by_role("alert").filter(has_text="corner.obj")
+    alert.wait_for(timeout=1e3 * PATIENCE)
+    page.shot("vanished")
+    path.write_text("v 0 0 0\nv 2 0 0\nv 0 2 0\nf 1 2 3\n")
+    page.page.get_by_role("button", name="Read the file again").click()
+    alert.wait_for(state="detached", timeout=1e3 * PATIENCE)
+    page.still()
+    context.close()
+    window.close()

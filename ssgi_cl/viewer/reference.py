@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -114,7 +115,13 @@ class Reference:
         found = "" if self.latest is None else f"{self.latest[2]} {unit} a pixel, standard error {self.latest[1]:.1%}"
         return f"{self.state}{f': {found}' if found else ''}"
 
+    def _finish(self) -> None:
+        """Wait for the pass that is made now: a process that ends meanwhile is aborted."""
+        self.stop()
+        self.join(30.0)
+
     def _run(self) -> None:
+        atexit.register(self._finish)
         estimate = Estimate()
         per_pass = PASS_SAMPLES[self.subject.what]
         try:
@@ -130,6 +137,7 @@ class Reference:
             self.state = "stopped" if self._stop.is_set() else "done"
         except Exception as error:  # it ends here whatever it is, and the page says so
             self.state = f"failed: {one_line(error)}"
+        atexit.unregister(self._finish)
         self._news()
 
     def _passes(self) -> Callable[[int], Floats]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import logging
 import threading
 from collections.abc import Callable
@@ -27,6 +28,8 @@ class RenderLoop:
         self._ended = False
         self._thread = threading.Thread(target=self._run, name="ssgi render loop", daemon=True)
         self._thread.start()
+        # A process that ends while a driver works in a thread is aborted.
+        atexit.register(self.end)
 
     def add(self, session: Session) -> None:
         """Draw for a session from now on."""
@@ -58,6 +61,7 @@ class RenderLoop:
 
     def end(self) -> None:
         """End the thread after the picture that it draws now; close all sessions."""
+        atexit.unregister(self.end)
         with self._condition:
             self._ended = True
             self._condition.notify()

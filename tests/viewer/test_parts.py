@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import math
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -220,6 +222,14 @@ def test_gbuffers_of_npz_files(tmp_path: Path) -> None:
     np.savez(path, depth=np.array([{}], dtype=object))
     with pytest.raises(ValueError, match="expected a file of arrays"):
         load_gbuffer(path)
+
+
+def test_a_process_may_end_while_pictures_are_drawn() -> None:
+    text = (
+        "from ssgi_cl.bench.experiments.window import Stand; stand = Stand('cornell_box'); "
+        "stand.wait(lambda: stand.shown); stand.orbit(0.1)"
+    )
+    assert subprocess.run([sys.executable, "-c", text], check=False, timeout=120).returncode == 0
 
 
 def test_a_file_that_vanished_is_named(tmp_path: Path, runtime: Runtime) -> None:

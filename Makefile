@@ -13,10 +13,11 @@ PARALLEL ?= --numprocesses 2 --dist loadfile
 MESHES ?=
 FIGURES ?=
 
-.PHONY: help setup system demo test test-all mutate torture lint format docs dist pictures figures figures-render figures-agreement clean
+.PHONY: help setup system demo view test test-all mutate torture lint format docs dist pictures figures figures-render figures-agreement clean
 
 help:
 	@echo "make demo [SCENE=path.glb]  render two built-in scenes, and your own, to out/; one beside a path tracer"
+	@echo "make view [SCENE=path.glb]  show the built-in hall, or your scene, in the browser"
 	@echo "make test                   run the tests"
 	@echo "make test-all               run the slow ones too, on every OpenCL driver found"
 	@echo "make mutate                 mutate the code at random and see which changes tests notice"
@@ -33,7 +34,7 @@ help:
 
 setup: $(STAMP)
 
-# Debian packages that serve the OpenGL backend, the faster OpenCL driver and the lint of kernels.
+# Debian packages that serve the OpenGL backend, the faster OpenCL driver, the lint of kernels and tests of the window.
 # Nothing fails without them: what needs them says so.
 system:
 	@PYTHON=$(PYTHON) sh tools/system-packages.sh
@@ -44,7 +45,7 @@ $(STAMP): pyproject.toml Makefile tools/system-packages.sh
 	@PYTHON=$(PYTHON) sh tools/system-packages.sh & \
 	$(PYTHON) -m venv $(VENV) && \
 	$(BIN)/python -m pip install --quiet --upgrade pip && \
-	$(BIN)/python -m pip install --quiet --editable '.[pocl,opengl,draco,truth,plots,cluster,docs,test]'; \
+	$(BIN)/python -m pip install --quiet --editable '.[pocl,opengl,draco,truth,plots,cluster,docs,viewer,test]'; \
 	status=$$?; wait; exit $$status
 	@touch $(STAMP)
 
@@ -59,6 +60,9 @@ demo: setup
 		set -x; $(BIN)/ssgi render "$(SCENE)" --views \
 			--output "out/$$(basename "$(SCENE)" | sed 's/\.[^.]*$$//').png"; \
 	fi
+
+view: setup
+	$(BIN)/ssgi view $(or $(SCENE),hall)
 
 test: setup
 	$(BIN)/python -m pytest -m "not slow" $(PARALLEL)

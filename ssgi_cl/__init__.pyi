@@ -106,3 +106,5 @@ from .tuning.tune import TuneError as TuneError
 from .tuning.tune import Tuning as Tuning
 from .tuning.tune import tune as tune
 from .version import __version__ as __version__
+from .viewer.server import Viewer as Viewer
+from .viewer.view import view as view

@@ -2,7 +2,7 @@
 # Install the Debian packages that optional parts use, and those named as arguments, where that is
 # possible; never fail.
 set -u
-wanted="libegl1 libgl1-mesa-dri pocl-opencl-icd clang-15 libllvm19 $*"
+wanted="libegl1 libgl1-mesa-dri pocl-opencl-icd clang-15 libllvm19 chromium $*"
 command -v dpkg-query >/dev/null 2>&1 || exit 0
 # Debian's own Python makes virtual environments only with this package.
 "${PYTHON:-python3}" -c 'import ensurepip' 2>/dev/null || wanted="python3-venv $wanted"

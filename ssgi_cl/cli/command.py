@@ -32,6 +32,7 @@ COMMANDS = {
     "info": _Entry("ssgi_cl.cli.scene_info", "info_command", "Say what is in SCENE, without rendering it."),
     "render": _Entry("ssgi_cl.cli.render", "render_command", "Render SCENE to a picture or to an EXR file."),
     "truth": _Entry("ssgi_cl.bench.command", "truth_command", "Compute references of CASES and keep them."),
+    "view": _Entry("ssgi_cl.cli.view", "view_command", "Show SCENE or a G-buffer in the browser."),
     "warmup": _Entry("ssgi_cl.cli.warmup", "warmup_command", "Compile the kernels, so that later commands need not."),
 }
 """The commands by name."""

@@ -178,23 +178,16 @@ def _from_file(
 
 def _camera_of(scene: Scene, path: Path, options: dict[str, Any], runtime: Runtime) -> Camera:
     """Return the camera of a file's scene that was asked for by its name, or the default one."""
-    from ssgi_cl.rasterize.raster.default_camera import default_camera
+    from ssgi_cl.rasterize.raster.default_view import file_camera
 
     name = options["camera"]
     if name is not None and name not in scene.cameras:
         known = ", ".join(map(shown, scene.cameras)) or "none"
         raise ValueError(f"--camera is {name!r}: there is no such file, and {path} has no such camera (it has {known})")
-    width, height = _size(options)
     if name is not None:
-        return scene.cameras[name].sized(width, height)
-    if options["fov"] is None:
-        beside = path.with_name(path.stem + ".scene.json")
-        if beside.is_file():
-            return _camera_file(beside, options)
-        if scene.cameras:
-            return next(iter(scene.cameras.values())).sized(width, height)
-    yfov = yfov_of(options, math.radians(DEFAULT_FOV))
-    return default_camera(scene, width, height, yfov, runtime)
+        return scene.cameras[name].sized(*_size(options))
+    yfov = None if options["fov"] is None else yfov_of(options, 0.0)
+    return file_camera(scene, path, options["width"], options["height"], yfov, runtime)
 
 
 def _camera_file(path: Path, options: dict[str, Any]) -> Camera:

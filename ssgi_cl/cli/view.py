@@ -31,7 +31,7 @@ def view_command(source: str, host: str, port: int, environments: tuple[Path, ..
 
     SCENE is as of `ssgi render`. The address of the page is printed; Ctrl-C ends it.
     """
-    from ssgi_cl.cli.render import check_scene
+    from ssgi_cl.cli.frame_arguments import check_scene
     from ssgi_cl.viewer.gbuffer_file import ENDINGS
     from ssgi_cl.viewer.view import view
 

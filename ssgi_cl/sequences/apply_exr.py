@@ -75,9 +75,14 @@ class ApplyExr:
 
     def read(self, source: Path) -> Frame | ExrImage:
         """Return what a file holds of what the technique reads. ValueError, OSError: as of `exr.read_gbuffer`."""
+        if self.max_memory is None:
+            return self.read_whole(source)
         axes, camera, said = camera_of(source, self.passes)
-        if self.max_memory is not None:
-            return ExrImage(source, camera, axes, self.passes, self.stored, said)
+        return ExrImage(source, camera, axes, self.passes, self.stored, said)
+
+    def read_whole(self, source: Path) -> Frame:
+        """Return what `read` does, of the whole image in memory."""
+        axes, camera, said = camera_of(source, self.passes)
         arrays, expected, notes = self.stored(source)
         passes = self.passes
         notes += interpreted(arrays, source, camera, expected, axes, passes, passes.normal_space, passes.depth_kind)

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
-from ssgi_cl.sequences.apply_exr import ApplyExr, Passes
+from ssgi_cl.sequences.apply_exr import ApplyExr
+from ssgi_cl.sequences.exr_passes import Passes
 
 ENDINGS = (".exr", ".npz")
 ARRAYS = ("depth", "normal", "albedo", "emission", "specular", "gloss", "thickness")
@@ -37,7 +38,7 @@ def load_gbuffer(path: Path) -> GBuffer:
 
 def _from_exr(path: Path) -> GBuffer:
     # SSDO reads all that lights need: the arrays are found, and their conventions told, as by `ssgi apply`.
-    return ApplyExr(technique="ssdo", parameters={}, passes=Passes()).read(path).gbuffer
+    return ApplyExr(technique="ssdo", parameters={}, passes=Passes()).read_whole(path).gbuffer
 
 
 def _from_npz(path: Path) -> GBuffer:

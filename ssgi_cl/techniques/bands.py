@@ -201,7 +201,7 @@ def each_band(
         try:
             with runtime.lock, at_most(runtime, most) as memory:
                 work = _work(image, plan, first, end, halo)
-                found = work.run(function, runtime)
+                found = work.result(function, runtime)
                 peak = memory.peak
         except DeviceMemoryError as error:
             if rows <= ALIGNED:
@@ -278,7 +278,7 @@ class _Band:
     rows: int
     halo: int
 
-    def run(self, function: Callable[..., Any], runtime: Runtime) -> Any:
+    def result(self, function: Callable[..., Any], runtime: Runtime) -> Any:
         """Return the rows that are kept of the function's result."""
         found = function(gbuffer=self.gbuffer, **self.arguments, runtime=runtime)
         return tuple(each[self.kept] for each in found) if isinstance(found, tuple) else found[self.kept]

@@ -11,6 +11,7 @@ from pathlib import Path
 from ssgi_cl.core import checks
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.keywords import checked_keywords
 from ssgi_cl.core.lights import Light, light_tuple
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.runtime import Runtime
@@ -19,6 +20,7 @@ from ssgi_cl.viewer.server import Viewer, viser
 from ssgi_cl.viewer.source import HEIGHT, WIDTH, Source, gbuffer_source, open_source, scene_source
 
 
+@checked_keywords
 def view(
     source: Scene | GBuffer | str | os.PathLike[str],
     camera: Camera | None = None,

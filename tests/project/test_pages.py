@@ -200,7 +200,8 @@ def check(words: list[str]) -> None:
     """Raise unless a command could be run: its options, targets, modules and extras exist."""
     if words[0] == "ssgi":
         command: click.Command = ssgi
-        parent, rest = click.Context(ssgi, info_name="ssgi"), words[1:]
+        # With its settings: a command keeps the help option of the first context that it has.
+        parent, rest = click.Context(ssgi, info_name="ssgi", **ssgi.context_settings), words[1:]
         while isinstance(command, click.Group) and rest:
             command = command.get_command(parent, rest[0]) or pytest.fail(f"ssgi has no command {rest[0]}")
             rest = rest[1:]

@@ -13,7 +13,6 @@ from .core.errors import SceneError as SceneError
 from .core.errors import SsgiError as SsgiError
 from .core.errors import TruthError as TruthError
 from .core.gbuffer import GBuffer as GBuffer
-from .core.gbuffer import ReflectiveShadowMap as ReflectiveShadowMap
 from .core.gbuffer_batch import GBufferBatch as GBufferBatch
 from .core.lights import DirectionalLight as DirectionalLight
 from .core.lights import Environment as Environment
@@ -21,6 +20,7 @@ from .core.lights import Light as Light
 from .core.lights import PointLight as PointLight
 from .core.lights import SpotLight as SpotLight
 from .core.normal_space import UnclearSpaceError as UnclearSpaceError
+from .core.reflective_shadow_map import ReflectiveShadowMap as ReflectiveShadowMap
 from .core.scene import Material as Material
 from .core.scene import Scene as Scene
 from .core.suns import split_suns as split_suns

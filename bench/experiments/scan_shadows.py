@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.gbuffer import ReflectiveShadowMap
 from ssgi_cl.core.lights import DirectionalLight
+from ssgi_cl.core.reflective_shadow_map import ReflectiveShadowMap
 from ssgi_cl.rasterize import rsm
 from ssgi_cl.reference.direct import shade as reference
 from ssgi_cl.techniques.direct.light_data import PunctualLight

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core import checks
 from ssgi_cl.core.camera import Camera, look_at_matrix, orthographic_matrix, perspective_matrix
-from ssgi_cl.core.gbuffer import ReflectiveShadowMap
 from ssgi_cl.core.keywords import checked_keywords
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PunctualLight, SpotLight, light_tuple
+from ssgi_cl.core.reflective_shadow_map import ReflectiveShadowMap
 from ssgi_cl.core.scene import Scene, box_corners
 from ssgi_cl.device.arrays import Plane
 from ssgi_cl.device.gbuffer import VIEW_ROTATION, DeviceGBuffer

@@ -1,4 +1,4 @@
-"""G-buffers and reflective shadow maps: numpy arrays with the camera that saw them."""
+"""G-buffers: numpy arrays with the camera that saw them."""
 
 from __future__ import annotations
 
@@ -20,8 +20,6 @@ from ssgi_cl.core.formats import files
 from ssgi_cl.core.gbuffer_band import Band
 from ssgi_cl.core.gbuffer_batch import GBufferBatch
 from ssgi_cl.core.gbuffer_exr import exr_arrays
-from ssgi_cl.core.immutable import Immutable, frozen
-from ssgi_cl.core.lights import PunctualLight
 
 Floats = NDArray[np.float32]
 
@@ -370,61 +368,6 @@ class GBuffer:
         arrays = {name: self.first(name) for name in names}
         kept = {name: array for name, array in arrays.items() if array is not None}
         files().write(path, kept, like=like, camera=self.camera, half=half, parts=parts)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ReflectiveShadowMap(Immutable):
-    """The surfaces that a light sees, and the flux that every texel reflects. Its arrays are read-only.
-
-    Attributes:
-        light: the light whose map this is.
-        camera: its camera, or a tuple of six for a point light, whose faces are stacked from top
-            to bottom in the arrays.
-        depth: [rows, columns] float32, linear depth from the light in scene units; +inf = nothing.
-        position: [rows, columns, 3] float32, world space; 0 where nothing is there.
-        normal: [rows, columns, 3] float32, world space, unit length; 0 where nothing is there.
-        flux: [rows, columns, 3] float32, reflected radiant flux of the texel in W.
-        specular_flux: [rows, columns, 3] float32, likewise, what goes into the Phong lobe round
-            the mirrored ray of light; or None, as of scenes without gloss.
-        gloss: [rows, columns] float32, exponent of that lobe, >= 0; expected with
-            `specular_flux`, else None.
-    """
-
-    light: PunctualLight
-    camera: Camera | tuple[Camera, ...]
-    depth: ArrayLike
-    position: ArrayLike
-    normal: ArrayLike
-    flux: ArrayLike
-    specular_flux: ArrayLike | None = None
-    gloss: ArrayLike | None = None
-
-    def __post_init__(self) -> None:
-        depth = checks.plane("depth", self.depth, unit="scene units", low=0.0, above=True, infinite=True)
-        heights = sum(camera.height for camera in self.cameras)
-        if depth.shape != (heights, self.cameras[0].width):
-            raise ValueError(
-                f"depth has shape {depth.shape}: expected {(heights, self.cameras[0].width)} "
-                "as the light's cameras, stacked"
-            )
-        object.__setattr__(self, "depth", frozen(depth, self.depth))
-        kinds = [("position", 3, -np.inf), ("normal", 3, -np.inf), ("flux", 3, 0.0)]
-        if (self.specular_flux is None) != (self.gloss is None):
-            raise ValueError("expected both of specular_flux and gloss, or neither")
-        if self.gloss is not None:
-            kinds += [("specular_flux", 3, 0.0), ("gloss", 0, 0.0)]
-        for name, channels, low in kinds:
-            given = getattr(self, name)
-            array = checks.plane(name, given, channels=channels, low=low)
-            shape = (*depth.shape, channels) if channels else depth.shape
-            if array.shape != shape:
-                raise ValueError(f"{name} has shape {array.shape}: expected {shape}")
-            object.__setattr__(self, name, frozen(array, given))
-
-    @property
-    def cameras(self) -> tuple[Camera, ...]:
-        """The cameras of the faces, one or six."""
-        return self.camera if isinstance(self.camera, tuple) else (self.camera,)
 
 
 def _layered(name: str, value: ArrayLike, channels: int, **limits: Unpack[checks.Limits]) -> Floats:

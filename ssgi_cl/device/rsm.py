@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.gbuffer import ReflectiveShadowMap
 from ssgi_cl.core.lights import PunctualLight
+from ssgi_cl.core.reflective_shadow_map import ReflectiveShadowMap
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.constants import RSM_LEAST_COSINE
 from ssgi_cl.device.runtime import Runtime

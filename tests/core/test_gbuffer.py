@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.lights import Environment, PointLight, SpotLight
+from ssgi_cl.core.reflective_shadow_map import ReflectiveShadowMap
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.io import exr
 from ssgi_cl.techniques.filters.bilateral import bilateral_blur

@@ -13,9 +13,9 @@ import pytest
 
 import ssgi_cl as gi
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.gbuffer import ReflectiveShadowMap
 from ssgi_cl.core.immutable import frozen
 from ssgi_cl.core.lights import DirectionalLight, Environment, PointLight, SpotLight
+from ssgi_cl.core.reflective_shadow_map import ReflectiveShadowMap
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.runtime import Runtime
 

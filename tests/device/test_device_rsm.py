@@ -11,8 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.gbuffer import ReflectiveShadowMap
 from ssgi_cl.core.lights import DirectionalLight, PointLight, SpotLight
+from ssgi_cl.core.reflective_shadow_map import ReflectiveShadowMap
 from ssgi_cl.device.rsm import BRIGHTEST, LEAST_COSINE, DeviceRsm, on_device_rsm, surfaces
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import rsm

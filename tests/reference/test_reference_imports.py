@@ -15,7 +15,8 @@ import ssgi_cl
 
 ALLOWED = {
     "ssgi_cl.core.camera": {"Camera"},
-    "ssgi_cl.core.gbuffer": {"GBuffer", "ReflectiveShadowMap"},
+    "ssgi_cl.core.gbuffer": {"GBuffer"},
+    "ssgi_cl.core.reflective_shadow_map": {"ReflectiveShadowMap"},
     "ssgi_cl.core.lights": {"DirectionalLight", "Environment", "Light", "PointLight", "SpotLight"},
     "ssgi_cl.core.scene": {"Scene"},
     "ssgi_cl.core.vpls": {"Vpls"},

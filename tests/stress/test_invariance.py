@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.lights import DirectionalLight, Environment
+from ssgi_cl.core.reflective_shadow_map import ReflectiveShadowMap
 from ssgi_cl.core.vpls import Vpls
 from ssgi_cl.device.gbuffer import on_device
 from ssgi_cl.device.runtime import Runtime

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from ssgi_cl.bench.wording import markdown
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.lights import DirectionalLight
+from ssgi_cl.core.reflective_shadow_map import ReflectiveShadowMap
 from ssgi_cl.core.vpls import Vpls
 from ssgi_cl.device.constants import VPL_TERMS
 from ssgi_cl.device.gbuffer import on_device

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.reflective_shadow_map import ReflectiveShadowMap
 
 Doubles = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.gbuffer import ReflectiveShadowMap
+from ssgi_cl.core.reflective_shadow_map import ReflectiveShadowMap
 from ssgi_cl.reference.gbuffer import Doubles
 
 LEAST_COSINE = 0.1

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.reflective_shadow_map import ReflectiveShadowMap
 from ssgi_cl.reference.occupancy.occupancy_grid import OccupancyGridReference
 from ssgi_cl.reference.rsm.rsm import hilbert_order
 from ssgi_cl.reference.rsm.rsm import texels as texels_of

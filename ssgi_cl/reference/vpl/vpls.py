@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.gbuffer import ReflectiveShadowMap
+from ssgi_cl.core.reflective_shadow_map import ReflectiveShadowMap
 from ssgi_cl.core.vpls import Vpls
 from ssgi_cl.reference.rsm.rsm import hilbert_order, mirrored_axes, texels
 from ssgi_cl.reference.vpl.vpl_splat import LUMINANCE, PARTS, SHARPEST

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ssgi_cl.core.gbuffer import ReflectiveShadowMap
 from ssgi_cl.core.lights import Environment, Light, light_tuple
+from ssgi_cl.core.reflective_shadow_map import ReflectiveShadowMap
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.techniques.direct.light_data import ShadowMap, face_count
 from ssgi_cl.techniques.direct.shadow_fit import whole

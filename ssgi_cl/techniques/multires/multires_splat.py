@@ -10,9 +10,10 @@ from typing import Any, ClassVar, Unpack, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.names import MultiresMethod
 from ssgi_cl.core.params import Prepared, param, with_fields_described
+from ssgi_cl.core.reflective_shadow_map import ReflectiveShadowMap
 from ssgi_cl.core.scene import Scene, box_corners
 from ssgi_cl.core.vpls import Vpls
 from ssgi_cl.device.arrays import Plane, Size

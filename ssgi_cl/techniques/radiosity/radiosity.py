@@ -10,10 +10,10 @@ from typing import NamedTuple, TypedDict, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.gbuffer import ReflectiveShadowMap
 from ssgi_cl.core.lights import Environment, Light, environments_of, shines
 from ssgi_cl.core.names import Bounces
 from ssgi_cl.core.params import Params, Prepared, param, with_fields_described
+from ssgi_cl.core.reflective_shadow_map import ReflectiveShadowMap
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.vpls import PARTS, Vpls
 from ssgi_cl.device.rsm import DeviceRsm

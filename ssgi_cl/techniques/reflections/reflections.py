@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core import checks
-from ssgi_cl.core.gbuffer import GBuffer, ReflectiveShadowMap
+from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.lights import Light, environments_of
 from ssgi_cl.core.params import Params, Prepared, param, with_fields_described
+from ssgi_cl.core.reflective_shadow_map import ReflectiveShadowMap
 from ssgi_cl.core.scene import Scene, box_corners
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device

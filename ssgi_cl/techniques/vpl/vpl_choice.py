@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from ssgi_cl.core import checks
-from ssgi_cl.core.gbuffer import ReflectiveShadowMap
+from ssgi_cl.core.reflective_shadow_map import ReflectiveShadowMap
 from ssgi_cl.core.vpls import MOST_VPLS, PARTS, Doubles, Vpls
 from ssgi_cl.device.rsm import DeviceRsm, on_device_rsm
 from ssgi_cl.device.runtime import Runtime, serialised

@@ -10,8 +10,8 @@ import pytest
 from numpy.typing import ArrayLike
 
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.gbuffer import ReflectiveShadowMap
 from ssgi_cl.core.lights import DirectionalLight, PointLight, SpotLight
+from ssgi_cl.core.reflective_shadow_map import ReflectiveShadowMap
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.vpls import LUMINANCE, PARTS, Vpls
 from ssgi_cl.device.rsm import on_device_rsm

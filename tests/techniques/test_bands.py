@@ -129,6 +129,13 @@ EXACT: dict[str, Callable[[dict[str, Any]], tuple[Callable[..., Any], dict[str, 
         gi.vpl_splat,
         {"rsms": of["rsms"], "vpls": 256, "interleave": True, "importance": False},
     ),
+    "vpl_splat with visibility": lambda of: (
+        gi.vpl_splat,
+        {
+            **{"rsms": of["rsms"], "vpls": 256, "interleave": True, "importance": False},
+            **{"visibility": True, "scene": of["scene"]},
+        },
+    ),
 }
 
 

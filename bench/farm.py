@@ -1,6 +1,6 @@
 """Truths and measurements on the workers of Dask distributed: a scene at a size is a task.
 
-What is held to one truth is in one task, so that no truth is made twice.
+What is held to one reference is in one task, so that none is made twice.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def places_of(cases: Sequence[Case], scenes: dict[str, str]) -> list[Place]:
 
 
 def make_truths(scheduler: str, places: Sequence[Place], asked: Asked, report: suite.Report) -> list[str]:
-    """Make the truths of places, as `suite.make_truths` does; return what could not be made and why.
+    """Make the references of places, as `suite.make_truths` does; return what could not be made and why.
 
     Raises:
         SequenceError: the cluster fails.
@@ -162,7 +162,7 @@ def _joined(
 
 
 def _truths_at(place: Place, *, asked: Asked, folder: Path) -> list[str]:
-    """Make the truths of a place, in a worker, which is to keep them in a folder."""
+    """Make the references of a place, in a worker, which is to keep them in a folder."""
     if store.truth_folder().resolve() != folder:
         raise TruthError(
             f"this worker keeps truths in {store.truth_folder()}, not in {folder}: set SSGI_CL_CACHE of all to "

@@ -50,7 +50,9 @@ def _arrays(pairs: int) -> None:
     rows, columns = ARRAY_SIZE
     camera = room.camera(columns, rows)
     gbuffer = gi.GBuffer(camera=camera, depth=gi.rasterize.gbuffer(room.scene, camera).depth)
-    print(f"| call, {columns} x {rows}, depth alone | MiB | whole, ms | bands within, MiB | ms | ratio | same bits |")
+    print(
+        f"| call, {columns} x {rows}, depth alone | MiB | whole, ms | bands within, MiB | ms | ratio | bit-identical |"
+    )
     print("|---|---:|---:|---:|---:|---:|---|")
     for name in TECHNIQUES:
         function = getattr(gi, name)

@@ -98,7 +98,7 @@ def read_depth(
     }
     count = None if planes.ndim == 2 else len(planes)
     notes: list[str] = []
-    cameras = _cameras(planes.shape[-2:], count, K, K_unit, yfov, orthographic, camera, view, notes)
+    cameras = cameras_of(planes.shape[-2:], count, K, K_unit, yfov, orthographic, camera, view, notes)
     known = camera is not None or view is not None
     made = []
     for number in range(count or 1):
@@ -285,7 +285,7 @@ def _like(name: str, array: NDArray[Any], depth: NDArray[np.float32]) -> None:
         raise TypeError(f"{name} has dtype {array.dtype}: expected real numbers")
 
 
-def _cameras(
+def cameras_of(
     size: tuple[int, int],
     count: int | None,
     K: ArrayLike | None,
@@ -296,7 +296,11 @@ def _cameras(
     view: ArrayLike | None,
     notes: list[str],
 ) -> list[Camera]:
-    """Return the camera of each image: that which is given, or made of intrinsics."""
+    """Return the camera of each image: that which is given, or made of intrinsics.
+
+    Arguments are as of `GBuffer.from_depth`, for images of `size`, `count` of them (None: one). What is assumed is
+    added to `notes`, and warned of.
+    """
     given = {"K": K, "yfov": yfov, "orthographic": orthographic, "camera": camera}
     names = [name for name, value in given.items() if value is not None]
     if len(names) > 1:

@@ -37,6 +37,11 @@ def seen_extent(camera: Camera, depth: NDArray[Any]) -> float:
     return across / float((1.0 / seen).mean()) if len(seen) else math.inf
 
 
+def default_radius(extent: float) -> float:
+    """Return the radius of ambient occlusion for what `seen_extent` returned, scene units; 1 where nothing is seen."""
+    return RADIUS_SHARE * extent if math.isfinite(extent) else 1.0
+
+
 def sparse_step(pixels: int) -> int:
     """Return the step of `sparse` in a depth map of so many pixels."""
     return max(1, round(math.sqrt(pixels / _MOST_SAMPLES)))

@@ -246,8 +246,8 @@ class DeviceGBuffer:
                 f"number is {number}: expected 0 to {self.attributes - 1}, the layers that have "
                 "normals, albedo and emission"
             )
-        assert self.albedo  # noqa: S101  is there before the copy, which would make one of its own
         view = copy(self)
+        view._albedo = self.albedo  # one for both, made now if it was not asked for before
         view.size, view.margin, view.front = self.whole, (0, 0), number
         view.facing = -1.0 if back else 1.0
         return view

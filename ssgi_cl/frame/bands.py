@@ -11,7 +11,6 @@ from typing import Any, ParamSpec
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core import checks
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.errors import DeviceMemoryError
 from ssgi_cl.core.keywords import check_keywords
@@ -21,7 +20,7 @@ from ssgi_cl.frame.params import FrameParams
 from ssgi_cl.frame.renderer import default_ao_radius
 from ssgi_cl.frame.result import Frame
 from ssgi_cl.frame.skips import chosen_outputs
-from ssgi_cl.techniques.bands import ALIGNED, LEAST_MEMORY, MOST_MEMORY, at_most
+from ssgi_cl.techniques.bands import ALIGNED, at_most, fewer_rows, memory_limit
 from ssgi_cl.techniques.filters.tonemap import auto_exposure, tonemap
 
 OVERLAP = 64
@@ -42,7 +41,7 @@ def rendered_in_bands(render: Callable[P, Frame]) -> Callable[P, Frame]:
         given: Any = kwargs.get("max_memory")
         if given is None:
             return render(*args, **kwargs)
-        most = checks.integer("max_memory", given, low=LEAST_MEMORY, high=MOST_MEMORY, unit="bytes")
+        most = memory_limit(given)
         check_keywords(render, kwargs)
         arguments = dict(signature.bind(*args, **kwargs).arguments)
         del arguments["max_memory"]
@@ -83,7 +82,7 @@ def _bands(
                     f"max_memory is {most}: a band of {bottom - top} rows does not fit beside the scene and its "
                     f"maps; expected more ({error})"
                 ) from error
-            rows = max(min(rows, height) * 2 // 3 // ALIGNED * ALIGNED, ALIGNED)
+            rows = fewer_rows(rows, height)
             runtime.forget()
             continue
         first += rows

@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light
 from ssgi_cl.device.runtime import Runtime
@@ -19,7 +18,7 @@ from ssgi_cl.io.console import silent
 from ssgi_cl.sequences.exr_image import ExrImage
 from ssgi_cl.sequences.exr_passes import Passes, camera_of, interpreted
 from ssgi_cl.sequences.frame_result import FrameFile, FrameRows
-from ssgi_cl.techniques.bands import LEAST_MEMORY, MOST_MEMORY
+from ssgi_cl.techniques.bands import memory_limit
 from ssgi_cl.techniques.catalogue import CATALOGUE
 from ssgi_cl.techniques.technique import Technique
 
@@ -64,7 +63,7 @@ class ApplyExr:
 
     def __post_init__(self) -> None:
         if self.max_memory is not None:
-            checks.integer("max_memory", self.max_memory, low=LEAST_MEMORY, high=MOST_MEMORY, unit="bytes")
+            memory_limit(self.max_memory)
             if self.chosen.kind != "ao":
                 raise ValueError(f"max_memory is {self.max_memory}: expected None with {self.technique}")
 

@@ -15,7 +15,7 @@ from ssgi_cl.core.depth_kind import detected_kind
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.gbuffer_band import Band, band_with, rows_with_padding
 from ssgi_cl.core.normal_space import SAME, UnclearSpaceError, detected_space
-from ssgi_cl.core.seen_extent import RADIUS_SHARE, seen_extent, sparse_step
+from ssgi_cl.core.seen_extent import default_radius, seen_extent, sparse_step
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.sequences.exr_passes import Passes, interpreted
 from ssgi_cl.techniques.bands import PIXEL_BYTES, FoundRows, each_band
@@ -126,8 +126,7 @@ class ExrImage:
         """Return rows of the image; those that the request before had are not read again."""
         have = self._first, self._first + len(self._kept.get("depth", ()))
         if have[0] <= first and end <= have[1]:
-            kept = self._kept
-            return {name: array[first - have[0] : end - have[0]] for name, array in kept.items()}
+            return {name: array[first - have[0] : end - have[0]] for name, array in self._kept.items()}
         if have[0] <= first < have[1] < end:
             new = self._read(have[1], end)
             arrays = {name: np.concatenate([self._kept[name][first - have[0] :], new[name]]) for name in new}
@@ -169,8 +168,7 @@ class ExrImage:
         """Yield the results of a technique of ambient occlusion, band by band, in `most` bytes of memory."""
         arguments = dict(parameters)
         if arguments.get("radius") is None:
-            extent = self.seen_extent()
-            arguments["radius"] = RADIUS_SHARE * extent if np.isfinite(extent) else 1.0
+            arguments["radius"] = default_radius(self.seen_extent())
         in_bands = technique.function.in_bands  # type: ignore[attr-defined]
         plan = in_bands.plan(self._outline, runtime, arguments)
         device = most * PIXEL_BYTES // (PIXEL_BYTES + HOST_BYTES[self._has_normals])

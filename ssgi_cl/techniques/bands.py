@@ -83,7 +83,7 @@ def banded(plan: Planner) -> Callable[[Callable[P, T]], Callable[P, T]]:
             most = kwargs.get("max_memory")
             if most is None:
                 return function(*args, **kwargs)
-            most = checks.integer("max_memory", most, low=LEAST_MEMORY, high=MOST_MEMORY, unit="bytes")
+            most = memory_limit(most)
             check_keywords(function, kwargs)
             images = images_in(args, kwargs)
             if images is not None:
@@ -209,7 +209,7 @@ def each_band(
                     f"max_memory leaves {most} bytes to the device: a band of {end - first} rows does not fit with the "
                     f"rows that it reads round it; expected more, or a smaller radius ({error})"
                 ) from error
-            rows = max(min(rows, height) * 2 // 3 // ALIGNED * ALIGNED, ALIGNED)
+            rows = fewer_rows(rows, height)
             halo, may_grow = 0, False
             continue
         yield FoundRows(first, end, found)
@@ -305,6 +305,16 @@ def _work(image: ImageRows, plan: Plan, first: int, end: int, last_halo: int) ->
         if given is not None and np.ndim(given) >= 3:
             arguments[name] = rows_with_padding(host_array(given), np.ndim(given) - 3, top - halo, rows, 0.0)
     return _Band(image.band(top, bottom, halo), arguments, slice(first - top, end - top), rows, halo)
+
+
+def memory_limit(value: object) -> int:
+    """Return `max_memory`, bytes, checked. TypeError, ValueError: it is no whole number, or out of range."""
+    return checks.integer("max_memory", value, low=LEAST_MEMORY, high=MOST_MEMORY, unit="bytes")
+
+
+def fewer_rows(rows: int, height: int) -> int:
+    """Return how many rows to try, a multiple of `ALIGNED`, where so many of an image's `height` did not fit."""
+    return max(min(rows, height) * 2 // 3 // ALIGNED * ALIGNED, ALIGNED)
 
 
 def aligned(rows: int) -> int:

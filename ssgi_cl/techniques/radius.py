@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import Floats, GBuffer
-from ssgi_cl.core.seen_extent import RADIUS_SHARE, seen_extent, sparse, warn_of_radius
+from ssgi_cl.core.seen_extent import default_radius, seen_extent, sparse, warn_of_radius
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 
 
@@ -20,8 +19,7 @@ def sensible_radius(gbuffer: GBuffer | DeviceGBuffer, radius: Any = None) -> Any
         raise TypeError(f"gbuffer is {type(gbuffer).__name__}: expected GBuffer or DeviceGBuffer")
     if radius is None:
         camera, depth = _seen(gbuffer)
-        extent = seen_extent(camera, sparse(depth))
-        return RADIUS_SHARE * extent if math.isfinite(extent) else 1.0
+        return default_radius(seen_extent(camera, sparse(depth)))
     if isinstance(gbuffer, GBuffer) and gbuffer.band is None:
         camera, depth = _seen(gbuffer)
         for each in radius if isinstance(radius, tuple) else (radius,):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import zipfile
 from pathlib import Path
 
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.depth_maps import ASSUMED_YFOV, cameras_of
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.sequences.apply_exr import ApplyExr
 from ssgi_cl.sequences.exr_passes import Passes
@@ -17,7 +17,6 @@ from ssgi_cl.sequences.exr_passes import Passes
 ENDINGS = (".exr", ".npz")
 ARRAYS = ("depth", "normal", "albedo", "emission", "specular", "gloss", "thickness")
 """Names of a G-buffer's arrays in an .npz file; `depth` is needed."""
-DEFAULT_YFOV = math.radians(50.0)
 
 
 def load_gbuffer(path: Path) -> GBuffer:
@@ -59,11 +58,8 @@ def _camera(rows: int, columns: int, arrays: dict[str, NDArray[np.float64]]) -> 
     view = np.asarray(arrays["view"], np.float64) if "view" in arrays else np.eye(4)
     if "projection" in arrays:
         return Camera(view=view, projection=np.asarray(arrays["projection"]), width=columns, height=rows)
-    if "K" in arrays:
-        k = np.asarray(arrays["K"], np.float64)
-        # OpenCV counts from the centre of the first pixel, `Camera` from its corner.
-        fx, fy, cx, cy = k[0, 0], k[1, 1], k[0, 2] + 0.5, k[1, 2] + 0.5
-        return Camera.from_intrinsics(fx, fy, cx, cy, width=columns, height=rows, view=view)
-    yfov = float(arrays["yfov"]) if "yfov" in arrays else DEFAULT_YFOV
-    fy = 0.5 * rows / math.tan(0.5 * yfov)
-    return Camera.from_intrinsics(fy, fy, 0.5 * columns, 0.5 * rows, width=columns, height=rows, view=view)
+    K, yfov = arrays.get("K"), arrays.get("yfov", ASSUMED_YFOV)
+    (camera,) = cameras_of(
+        (rows, columns), None, K, "pixels", None if K is not None else float(yfov), None, None, view, []
+    )
+    return camera

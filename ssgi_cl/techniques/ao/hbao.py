@@ -111,7 +111,7 @@ def hbao(
             longest device time of a picture in ms, > 0. See `ssgi_cl.choose`. By default the
             defaults of `HbaoParams`.
         max_memory: most bytes of device memory; where the image needs more, it is computed in bands
-            of rows, with the same bits. By default all that the device has.
+            of rows; the result is bit-identical. By default all that the device has.
         runtime: the device; by default the fastest found.
         **params: the other fields of `HbaoParams`.
 

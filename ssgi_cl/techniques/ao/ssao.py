@@ -316,7 +316,7 @@ def ssao(
             longest device time of a picture in ms, > 0. See `ssgi_cl.choose`. By default the
             defaults of `SsaoParams`.
         max_memory: most bytes of device memory; where the image needs more, it is computed in bands
-            of rows, with the same bits. By default all that the device has.
+            of rows; the result is bit-identical. By default all that the device has.
         runtime: the device; by default the fastest found.
         **params: the other fields of `SsaoParams`.
 

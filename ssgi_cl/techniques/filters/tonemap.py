@@ -14,7 +14,7 @@ from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.device.active_region import Region, copy_region
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.runtime import Runtime, serialised
-from ssgi_cl.techniques.bands import LEAST_MEMORY, MOST_MEMORY
+from ssgi_cl.techniques.bands import memory_limit
 from ssgi_cl.techniques.technique import Bench, Technique
 
 CURVES = get_args(Curve)
@@ -176,8 +176,7 @@ def tonemap(
     device = runtime or Runtime.open()
     size = values.shape[:2]
     if max_memory is not None:
-        rows = checks.integer("max_memory", max_memory, low=LEAST_MEMORY, high=MOST_MEMORY, unit="bytes")
-        rows = max(rows // (PIXEL_BYTES * (size[1] + 32)), 1)
+        rows = max(memory_limit(max_memory) // (PIXEL_BYTES * (size[1] + 32)), 1)
         if rows < size[0]:
             starts = range(0, size[0], rows)
             parts = [

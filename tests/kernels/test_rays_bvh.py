@@ -1,0 +1,95 @@
+"""kernels/rays/bvh.clh: rays against triangles, held to all triangles one by one in float64."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ssgi_cl.core.bvh import bvh_of
+from ssgi_cl.device.runtime import Runtime
+
+from .expression import run_expressions
+
+Floats = NDArray[np.float32]
+RAY = "((RaysRay){x, y, z, wx, wy, wz})"
+BLOCKED = f"v_select(v_splat(0.0f), v_splat(1.0f), rays_blocked(nodes, triangles, {RAY}, v_gt(wanted, v_splat(0.0f))))"
+
+
+def blocked(
+    runtime: Runtime,
+    corners: Floats,
+    culled: NDArray[np.bool_],
+    origin: Floats,
+    way: Floats,
+    wanted: Floats | None = None,
+) -> NDArray[np.bool_]:
+    """Whether each ray meets a triangle."""
+    bvh = bvh_of(corners, culled)
+    names = ("x", "y", "z", "wx", "wy", "wz")
+    rays = dict(zip(names, np.concatenate([origin, way], axis=1).T.astype(np.float32), strict=True))
+    tables = {"nodes": bvh.nodes.ravel(), "triangles": bvh.triangles.ravel()}
+    result = run_expressions(
+        runtime, "rays/bvh.clh", {"blocked": BLOCKED}, tables=tables,
+        wanted=np.ones(len(origin), np.float32) if wanted is None else wanted, **rays,
+    )  # fmt: skip
+    return result["blocked"] > 0.5
+
+
+def truth(
+    corners: Floats, culled: NDArray[np.bool_], origin: Floats, way: Floats
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Whether a ray meets a triangle, and whether it passes so near an edge or an end that rounding decides."""
+    c, o, w = (a.astype(np.float64) for a in (corners, origin, way))
+    a, b = c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]
+    p = np.cross(w[:, None], b)
+    det = (p * a).sum(axis=2)
+    s = o[:, None] - c[:, 0]
+    q = np.cross(s, a)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u, v, t = (s * p).sum(axis=2) / det, (w[:, None] * q).sum(axis=2) / det, (b * q).sum(axis=2) / det
+    inside = np.stack([u, v, 1.0 - u - v, t, 1.0 - t])
+    side = (det < 0.0) | ~culled
+    least = np.where(np.isfinite(inside).all(axis=0), inside.min(axis=0), -1.0)
+    return ((least > 0.0) & side).any(axis=1), ((np.abs(least) < 2e-4) & side).any(axis=1)
+
+
+@pytest.mark.parametrize("count", [1, 5, 64, 700])
+@pytest.mark.parametrize("backs", ["there", "not there", "some there"])
+def test_rays_are_blocked_where_any_triangle_is_in_the_way(
+    variant_runtime: Runtime, count: int, backs: str, rng: np.random.Generator
+) -> None:
+    size = 0.6 * count ** (-1.0 / 3.0)
+    corners = (rng.uniform(-1, 1, (count, 1, 3)) + rng.normal(0.0, size, (count, 3, 3))).astype(np.float32)
+    culled = {"there": np.zeros(count, bool), "not there": np.ones(count, bool)}.get(backs, rng.random(count) < 0.5)
+    origin = rng.uniform(-1.5, 1.5, (4000, 3)).astype(np.float32)
+    way = (rng.uniform(-1.5, 1.5, (4000, 3)) - origin).astype(np.float32)
+    way[:300, rng.integers(0, 3)] = 0.0  # along a plane of the axes
+    right, unsure = truth(corners, culled, origin, way)
+    found = blocked(variant_runtime, corners, culled, origin, way)
+    assert np.count_nonzero(unsure) < 0.1 * len(origin)
+    assert 0 < np.count_nonzero(right) < len(right)
+    np.testing.assert_array_equal(found[~unsure], right[~unsure])
+
+
+def test_no_light_comes_between_triangles_that_share_an_edge(
+    variant_runtime: Runtime, rng: np.random.Generator
+) -> None:
+    # A bumpy sheet of 40 x 40 squares; rays go straight through its edges and corners.
+    place = np.linspace(-1.0, 1.0, 41)
+    grid = np.stack([*np.meshgrid(place, place), rng.normal(0.0, 0.01, (41, 41))], axis=2).astype(np.float32)
+    a, b, c, d = grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]
+    corners = np.concatenate([np.stack([a, b, c], axis=2), np.stack([a, c, d], axis=2)]).reshape(-1, 3, 3)
+    through = (0.5 * (grid[5:-5, 5:-6] + grid[5:-5, 6:-5])).reshape(-1, 3)
+    through = np.concatenate([through, grid[5:-5, 5:-5].reshape(-1, 3)])
+    origin = np.array([0.1, 0.2, 3.0], np.float32) + 0 * through
+    found = blocked(variant_runtime, corners, np.zeros(len(corners), bool), origin, 2.0 * (through - origin))
+    assert found.all()
+
+
+def test_nothing_blocks_an_empty_scene_and_unwanted_rays_are_not_cast(runtime: Runtime) -> None:
+    origin, way = np.zeros((20, 3), np.float32), np.ones((20, 3), np.float32)
+    assert not blocked(runtime, np.zeros((0, 3, 3), np.float32), np.zeros(0, bool), origin, way).any()
+    wall = np.array([[[0.5, -9, -9], [0.5, 9, -9], [0.5, 0, 9]]], np.float32)
+    wanted = (np.arange(20) % 2).astype(np.float32)
+    np.testing.assert_array_equal(blocked(runtime, wall, np.zeros(1, bool), origin, way, wanted), wanted > 0.0)

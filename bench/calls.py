@@ -24,6 +24,7 @@ from ssgi_cl.rasterize.raster.shadow_map import shadow_maps
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.techniques.ao.gtao import gtao
 from ssgi_cl.techniques.ao.multi_bounce import multi_bounce
+from ssgi_cl.techniques.area_lights.area_lights import area_lights
 from ssgi_cl.techniques.catalogue import of_kind
 from ssgi_cl.techniques.direct.light_maps import LightMaps
 from ssgi_cl.techniques.direct.shade import shade
@@ -276,6 +277,11 @@ def sky_lit(given: Inputs, runtime: Runtime) -> Iterator[Array]:
     yield sampled_lights(given.gbuffer, given.lights, scene=given.scene, directions=16, map_size=16, runtime=runtime)
 
 
+def lit_by_surfaces(given: Inputs, runtime: Runtime) -> Iterator[Array]:
+    """Yield irradiance by emissive surfaces."""
+    yield area_lights(given.gbuffer, scene=given.scene, runtime=runtime)
+
+
 CALLS: Mapping[str, Call] = {
     "drawing": drawing,
     "view normals": view_normals,
@@ -296,5 +302,6 @@ CALLS: Mapping[str, Call] = {
     "radiosity": carried,
     "reflections": mirrored,
     "sampled lights": sky_lit,
+    "area lights": lit_by_surfaces,
 }
 """Name of a technique, with its method where there are several -> what calls it."""

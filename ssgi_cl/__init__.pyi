@@ -55,6 +55,9 @@ from .techniques.ao.multi_bounce import multi_bounce as multi_bounce
 from .techniques.ao.ssao import Ssao as Ssao
 from .techniques.ao.ssao import SsaoParams as SsaoParams
 from .techniques.ao.ssao import ssao as ssao
+from .techniques.area_lights.area_lights import AreaLights as AreaLights
+from .techniques.area_lights.area_lights import AreaLightsParams as AreaLightsParams
+from .techniques.area_lights.area_lights import area_lights as area_lights
 from .techniques.direct.shade import Shade as Shade
 from .techniques.direct.shade import ShadeParams as ShadeParams
 from .techniques.direct.shade import shade as shade

@@ -138,6 +138,11 @@ def _sampled_lights() -> tuple[Picture, ...]:
     return _light(np.repeat(math.pi * ao[..., None], 3, axis=-1), light)
 
 
+def _area_lights() -> tuple[Picture, ...]:
+    built, _, gbuffer = _scene("cornell_box")
+    return _light(*(gi.area_lights(gbuffer, scene=built.scene, **given) for given in ({"more_rays": 0, "blur": 0}, {})))
+
+
 def _shadow_maps() -> tuple[Picture, ...]:
     built, _, gbuffer = _scene("hall")
     maps = gi.shadow_maps(built.scene, built.lights)
@@ -203,6 +208,7 @@ PICTURES: dict[str, Callable[[], tuple[Picture, ...]]] = {
     "upsample": _upsample,
     "shade": _shade,
     "sampled_lights": _sampled_lights,
+    "area_lights": _area_lights,
     "shadow_maps": _shadow_maps,
     "blended_layers": _blended_layers,
     "radiosity": _radiosity,

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ssgi_cl.core.bvh import bvh_of
 from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.arrays import DeviceArray
 from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.rasterize.raster.view import device_scene
 
 
 class SceneBvh:
@@ -12,12 +17,33 @@ class SceneBvh:
 
     Attributes:
         nodes, triangles: see `ssgi_cl.core.bvh.Bvh`. Coordinates are relative to the scene's origin.
+        cutouts: what kernels with RAYS_HOLES read besides, by name; empty of a scene without holes.
     """
 
     def __init__(self, runtime: Runtime, scene: Scene) -> None:
-        bvh = bvh_of(scene.positions[scene.triangles], scene.culled_backs)
+        has_holes = np.array([m.has_holes for m in scene.materials])[scene.material_ids]
+        chosen = np.flatnonzero(has_holes)
+        number = np.zeros(len(scene.triangles), np.int32)
+        number[chosen] = np.arange(1, len(chosen) + 1)
+        bvh = bvh_of(scene.positions[scene.triangles], scene.culled_backs, number)
         self.nodes = runtime.array(bvh.nodes)
         self.triangles = runtime.array(bvh.triangles)
+        self.cutouts: dict[str, DeviceArray] = {}
+        if len(chosen):
+            solid = device_scene(scene, runtime)
+            self.cutouts = {
+                "cutouts": runtime.array(_cutouts(scene, chosen)),
+                "textures": solid.textures, "texels": solid.texels, "decode": solid.decode,
+            }  # fmt: skip
+
+
+def _cutouts(scene: Scene, chosen: NDArray[np.intp]) -> NDArray[np.float32]:
+    """Return [chosen triangles, 9] texture coordinates of a corner, differences to those of the others, texture,
+    alpha, cut-off."""
+    uvs = scene.uvs[scene.triangles[chosen]]
+    values = np.array([(m.texture, m.alpha, m.alpha_cutoff) for m in scene.materials], np.float32)
+    edges = (uvs[:, 1:] - uvs[:, :1]).reshape(-1, 4)
+    return np.concatenate([uvs[:, 0], edges, values[scene.material_ids[chosen]]], axis=1)
 
 
 def scene_bvh(scene: Scene, runtime: Runtime) -> SceneBvh:

@@ -34,21 +34,22 @@ class Bvh:
         nodes: [nodes, 8] float32: least corner; number of the node that follows when it is missed (int32 bits);
             greatest corner; of a leaf, first triangle * 8 + count, otherwise 0 (int32 bits).
         triangles: [triangles, 12] float32: a corner, the edges from it to the others, 1 where the back is not
-            there, the number of the triangle (int32 bits), 0.
+            there, the number of the triangle (int32 bits), `holes` (int32 bits).
     """
 
     nodes: Floats
     triangles: Floats
 
 
-def bvh_of(corners: Floats, culled: NDArray[np.bool_]) -> Bvh:
+def bvh_of(corners: Floats, culled: NDArray[np.bool_], holes: NDArray[np.int32] | None = None) -> Bvh:
     """Return the hierarchy of triangles; one node that no ray meets where there are none.
 
     Args:
         corners: [triangles, 3, 3] float32, scene units.
         culled: [triangles] whether the back is not there.
+        holes: [triangles] 0 where a triangle has none, else the number of its record, from 1.
     """
-    corners, number = _cut(np.asarray(corners, np.float32))
+    corners, number = _cut(np.asarray(corners, np.float32), None if holes is None else holes != 0)
     count = len(corners)
     depth = max(-(-count // LEAF) - 1, 0).bit_length()
     leaves = 1 << depth
@@ -75,6 +76,8 @@ def bvh_of(corners: Floats, culled: NDArray[np.bool_]) -> Bvh:
     triangles[:, 3:9] = (corners[:, 1:] - corners[:, :1]).reshape(count, 6)
     triangles[:, 9] = culled[number]
     triangles.view(np.int32)[:, 10] = number
+    if holes is not None:
+        triangles.view(np.int32)[:, 11] = holes[number]
     return Bvh(nodes, triangles)
 
 
@@ -104,8 +107,9 @@ def _sorted(points: Floats, depth: int, ends: NDArray[np.int64]) -> NDArray[np.i
     return order
 
 
-def _cut(corners: Floats) -> tuple[Floats, NDArray[np.int64]]:
-    """Return triangles [n, 3, 3] of which the largest are cut across their longest edge, and whose parts they are."""
+def _cut(corners: Floats, whole: NDArray[np.bool_] | None) -> tuple[Floats, NDArray[np.int64]]:
+    """Return triangles [n, 3, 3] of which the largest are cut across their longest edge, and whose parts they are.
+    Those that are to stay `whole` do."""
     number = np.arange(len(corners))
     if not len(corners):
         return corners, number
@@ -115,6 +119,8 @@ def _cut(corners: Floats) -> tuple[Floats, NDArray[np.int64]]:
     while True:
         edges = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
         large = edges.max(axis=1) > longest
+        if whole is not None:
+            large &= ~whole[number]
         if not large.any() or np.count_nonzero(large) > room:
             break
         done.append((corners[~large], number[~large]))

@@ -178,7 +178,8 @@ def values_in_range(
     if array.size == 0 or (infinite and np.isposinf(array).all()):
         return
     # min and max are NaN if any element is: two passes without a temporary decide the good case.
-    least, most = float(array.min()), float(array.max())
+    # Of the array's type, in which limits are compared: the float32 next to 1e30 is greater than that.
+    least, most = array.min(), array.max()
     fine = (least > low if above else least >= low) and most <= high
     if fine and math.isfinite(least) and (infinite or math.isfinite(most)):
         return

@@ -91,6 +91,16 @@ VPL_BOUNDS = 7
 """Floats of its bounds, see kernels/vpl/vpl_lists.cl."""
 SURFEL_RECORD = VPL_LIGHT
 """Floats of a surfel as a light: those of a virtual point light."""
+AREA_EMITTER = 22
+"""Floats of an emissive quadrilateral, see ssgi_cl/techniques/area_lights/emitters.py."""
+AREA_SOURCE = 13
+"""Floats of a triangle or parallelogram that points of an emitter are drawn from."""
+AREA_QUANTILES = 64
+"""Triangles of an emitter that points are drawn from, each as often."""
+AREA_NOISE = 64
+"""Pixels along the side of a tile of numbers that points are drawn with."""
+AREA_CELL_ROWS, AREA_CELL_COLUMNS = 8, 16
+"""Pixels of a cell, the eight round which tell whether its shadow rays agree."""
 FIRST_GROUP = 16
 """Surfels, one after the other, that trace rays to the same virtual point lights."""
 START_FEW = 16

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ssgi_cl.frame.passes.ambient_occlusion import ambient_occlusion
+from ssgi_cl.frame.passes.area_lights import area_lights
 from ssgi_cl.frame.passes.blended_layers import blended_layers
 from ssgi_cl.frame.passes.build import Build
 from ssgi_cl.frame.passes.combine import combine
@@ -13,7 +14,7 @@ from ssgi_cl.frame.passes.gather import gather
 from ssgi_cl.frame.passes.gbuffer import gbuffer
 from ssgi_cl.frame.passes.one_bounce import one_bounce
 from ssgi_cl.frame.passes.reflections import reflections
-from ssgi_cl.frame.passes.resources import DIRECT, INDIRECT, SKY_LIGHT
+from ssgi_cl.frame.passes.resources import DIRECT, INDIRECT, PUNCTUAL, SKY_LIGHT
 from ssgi_cl.frame.passes.shadow_maps import shadow_maps
 from ssgi_cl.frame.passes.sky_light import sky_light
 from ssgi_cl.frame.passes.ssdo import ssdo
@@ -38,7 +39,8 @@ def whole_frame(build: Build) -> list[Stage]:
 def fully_lit(build: Build) -> list[Stage]:
     """Return the passes of all light at the surfaces of a G-buffer."""
     return [
-        direct_light(build),
+        direct_light(build, PUNCTUAL),
+        area_lights(build),
         sky_light(build),
         gather(build),
         combine(build, DIRECT, SKY_LIGHT, INDIRECT),

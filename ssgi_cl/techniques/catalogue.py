@@ -10,6 +10,7 @@ from typing import get_args
 
 from ssgi_cl.core.names import AoTechnique
 from ssgi_cl.techniques.ao import bitmask_ao, gtao, hbao, ssao
+from ssgi_cl.techniques.area_lights import area_lights
 from ssgi_cl.techniques.direct import shade
 from ssgi_cl.techniques.filters import bilateral, tonemap, upsample
 from ssgi_cl.techniques.multires import multires_splat
@@ -34,6 +35,7 @@ CATALOGUE: dict[str, Technique] = {
         multires_splat,
         radiosity,
         sampled_lights,
+        area_lights,
         shade,
         reflections,
         tonemap,

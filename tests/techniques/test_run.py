@@ -26,6 +26,7 @@ OTHER_FIRST = {"Radiosity": "scene", "Tonemap": "radiance"}
 NEEDED = {
     "Reflections": {"light", "lights", "shadows", "occupancy", "volume"},
     "SampledLights": {"scene"},
+    "AreaLights": {"scene"},
     "Upsample": {"reduced"},
     "UpsampleBlur": {"reduced"},
     "ViewImportance": {"occupancy"},

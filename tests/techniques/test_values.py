@@ -172,6 +172,9 @@ CASES = {
         {"radius": 0.2, "offset": 3.0, "position_tolerance": 0.5, "normal_tolerance": 2.5},
     ),
     "sampled_lights": Case(sampled, Params, {"directions": 16, "map_size": 32}, {"power": 3.0}),
+    "area_lights": Case(
+        lambda given, **params: gi.area_lights(given.gbuffer, scene=given.scene, **params), gi.AreaLightsParams
+    ),
     "radiosity": Case(carried, gi.RadiosityParams, vars(FEW)),
     "reflections": Case(mirrored, gi.ReflectionsParams, {}, {"thickness": 0.1}),
     "vpl_splat": Case(on_map(gi.vpl_splat), gi.VplSplatParams, {"vpls": 64, "cutoff": 0.01}, VPLS),

@@ -7,11 +7,11 @@ from ssgi_cl.frame.passes.resources import DIRECT, GBUFFER, LIGHTS, SHADOWS
 from ssgi_cl.frame.stage import Stage
 
 
-def direct_light(build: Build) -> Stage:
+def direct_light(build: Build, writes: str = DIRECT) -> Stage:
     """Return the pass."""
     return Stage(
         name="direct light",
         reads=(GBUFFER, LIGHTS, SHADOWS),
-        writes=(DIRECT,),
+        writes=(writes,),
         run=lambda r: build.shade.light(r[GBUFFER], r[LIGHTS], shadows=r[SHADOWS]),
     )

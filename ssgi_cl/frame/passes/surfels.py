@@ -11,7 +11,7 @@ from ssgi_cl.techniques.radiosity.radiosity import Radiosity, RadiosityLight, Ra
 def surfels(build: Build) -> Stage:
     """Return the pass. It depends on scene and lights alone: a moving camera does not run it again."""
     whole = build.whole
-    radiosity = Radiosity(build.runtime, RadiosityParams(surfels=whole.surfels, bounces=whole.bounces))
+    radiosity = Radiosity(build.runtime, RadiosityParams(surfels=whole.surfels, bounces=whole.bounces, emission=False))
 
     def run(r: Declared) -> RadiosityLight:
         maps = r[RSM]

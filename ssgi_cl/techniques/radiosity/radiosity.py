@@ -90,7 +90,7 @@ class RadiosityLight(NamedTuple):
     lights: WorldVpls | None
     """All but the first bounce of maps' lights; None where it is black."""
     volume: LightVolume
-    """All of it."""
+    """All of it, emission included."""
 
 
 class Radiosity(Prepared[RadiosityParams]):
@@ -193,8 +193,9 @@ class Radiosity(Prepared[RadiosityParams]):
         exitance = math.pi * surfels.emission / scale
         received = self._bounced(exitance.astype(np.float32), sky, first)
         self.irradiance = received * scale
-        self.vpls = sent(surfels, self.irradiance, emission=self.params.emission)
-        parts = self.vpls.parts
+        shown = sent(surfels, self.irradiance, emission=True)
+        self.vpls = shown if self.params.emission else sent(surfels, self.irradiance, emission=False)
+        parts = shown.parts
         assert parts is not None  # noqa: S101  those of surfels have some
         own = SentLight(parts.position, parts.normal, parts.area, parts.flux)
         shine = self.vpls.flux.any()

@@ -1,0 +1,1 @@
+"""Numpy references of the light of emissive surfaces."""

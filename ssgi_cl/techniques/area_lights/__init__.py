@@ -1,0 +1,1 @@
+"""Light of emissive surfaces: exact polygons and shadow rays."""

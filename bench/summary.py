@@ -62,7 +62,7 @@ def scale() -> NDArray[np.uint8]:
 def exposure_of(truth: Floats, seen: Mask) -> float:
     """Return what to multiply irradiance with so that the truth is well lit.
 
-    The log-average luminance of what is seen and not black becomes middle grey.
+    It is the automatic one of what is seen; see `auto_exposure`.
     """
     return auto_exposure(np.where(seen[..., None], _finite(truth), np.float32(0.0)))
 

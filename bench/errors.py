@@ -29,6 +29,7 @@ def errors_of(
     *,
     light: bool,
     picture: bool = False,
+    smooth: NDArray[np.bool_] | None = None,
 ) -> dict[str, Any]:
     """Return metric -> number over the pixels that show a surface.
 
@@ -40,10 +41,12 @@ def errors_of(
         light: the values have no greatest one, as those of A have: FLIP is HDR-FLIP, and the peak
             of PSNR and SSIM is what 99.9 % of the truth's values do not exceed, in place of 1.
         picture: they are radiance of a frame: FLIP is that of `picture_flip`.
+        smooth: what `metrics.smooth_surfaces` returns, for the mottling of a frame.
 
     Returns:
         rmse, bias, p99, psnr, mrse, ssim and flip (None if flip-evaluator is not installed; of a
         truth that is black all over, so are mrse, psnr and ssim; of one with holes, ssim and flip),
+        mottling (None of what is no frame, and where nothing that is lit is `smooth`),
         `mean` of the truth and `truth_error`, the root mean square of its standard error, and
         `regions`: share of the pixels, rmse and bias of each region that has any.
     """
@@ -61,6 +64,7 @@ def errors_of(
         "psnr": metrics.psnr(image, mean, seen, peak=peak) if peak > 0.0 else None,
         "ssim": metrics.ssim(image, mean, seen, peak=peak) if peak > 0.0 and whole else None,
         "flip": _flip(image, mean, seen, light=light, picture=picture) if peak > 0.0 and whole else None,
+        "mottling": _mottling(image, mean, smooth, known) if picture and smooth is not None else None,
         "mean": float(mean[seen].mean(dtype=np.float64)),
         "truth_error": math.sqrt(float(np.mean(truth.error[seen].astype(np.float64) ** 2))),
         "regions": {
@@ -95,6 +99,13 @@ def on_screen(radiance: NDArray[np.floating], exposure: float) -> NDArray[np.flo
     light = np.maximum(np.asarray(radiance, np.float64), 0.0) * exposure
     curve: NDArray[np.float64] = np.clip(light / (1.0 + SHOULDER * light), 0.0, 1.0) ** (1.0 / GAMMA)
     return curve
+
+
+def _mottling(
+    image: NDArray[np.float32], mean: NDArray[np.float32], smooth: NDArray[np.bool_], known: NDArray[np.bool_]
+) -> float | None:
+    counted = smooth & known
+    return metrics.mottling(image, mean, counted) if mean[counted].any() else None
 
 
 def _flip(

@@ -62,7 +62,7 @@ def scale() -> NDArray[np.uint8]:
 def exposure_of(truth: Floats, seen: Mask) -> float:
     """Return what to multiply irradiance with so that the truth is well lit.
 
-    The log-average luminance of what is seen and not black becomes middle grey.
+    It is the automatic one of what is seen; see `auto_exposure`.
     """
     return auto_exposure(np.where(seen[..., None], _finite(truth), np.float32(0.0)))
 
@@ -109,10 +109,8 @@ def _finite(image: Floats) -> Floats:
 if TYPE_CHECKING:
     from .suite import Pictures
 
-_HEAD = (
-    *("", "case", "ms", "quartiles", "device ms", "RMSE", "bias", "MRSE", "SSIM", "FLIP"),
-    *("RMSE of the model", "its bias", "counted"),
-)
+_HEAD = ("", "case", "ms", "quartiles", "device ms", "RMSE", "bias", "MRSE", "SSIM", "FLIP")
+_OF_FRAMES, _OF_MODELS = ("mottling",), ("RMSE of the model", "its bias")
 TRIAL = "A trial of the recording, at a tiny size with few rays on a busy machine: these figures say nothing."
 LEGEND = (
     "ms: median wall time of a frame, and the quartiles of the runs. It counts what a caller pays "
@@ -126,7 +124,8 @@ LEGEND = (
     "or the machine was busy; it counts like any other. RMSE, bias, MRSE, SSIM and FLIP (of light "
     "HDR-FLIP, of frames that of pictures with the reference's exposure) are against rays or paths "
     "through the mesh; the model's against what the same screen-space model converges to. RMSE of "
-    "light: in W/m², and as a share of the reference's mean.",
+    "light: in W/m², and as a share of the reference's mean. Mottling: the root mean square of a frame's "
+    "relative errors on smooth surfaces, between Gaussians of 2 and 20 pixels.",
 )
 _STRIP, _QUALITY = 1200, 80
 """Columns of a strip of three pictures, and what JPEG keeps of it, of 100."""
@@ -212,7 +211,8 @@ def page(document: Mapping[str, Any], stem: str) -> str:
             lines += [f"![{title(key)}: error over time]({name}.svg)", ""]
         said = [f"- {each}" for each in verdict(results)]
         lines += [*said, ""] if said else []
-        lines += markdown(_HEAD, map(_row, results), "llrrrrrrrrrrl")
+        head = (*_HEAD, *(_OF_FRAMES if key[0] == "radiance" else _OF_MODELS), "counted")
+        lines += markdown(head, map(_row, results), f"ll{'r' * (len(head) - 3)}l")
         if strip:
             case = strip.rsplit(".", 2)[0]
             lines += [
@@ -277,6 +277,11 @@ def _row(result: Mapping[str, Any]) -> tuple[str, ...]:
         number(metric(result, "world", name), "+" if name == "bias" else "")
         for name in ("bias", "mrse", "ssim", "flip")
     ]
+    last: tuple[str, ...]
+    if result["quantity"] == "radiance":  # of frames, which have no model
+        last = (number(metric(result, "world", "mottling")),)
+    else:
+        last = (rmse(result, "assumption"), number(metric(result, "assumption", "bias"), "+"))
     return (
         star(result).replace("*", "\\*"),
         short_name(result),
@@ -285,7 +290,6 @@ def _row(result: Mapping[str, Any]) -> tuple[str, ...]:
         device_milliseconds(result),
         rmse(result, "world"),
         *world,
-        rmse(result, "assumption"),
-        number(metric(result, "assumption", "bias"), "+"),
+        *last,
         result.get("counted") or "",
     )

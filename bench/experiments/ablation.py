@@ -61,11 +61,13 @@ class FrameError(NamedTuple):
         flip: see `picture_flip`.
         mrse: mean of (v - r)^2 / (r + 0.01)^2, of radiance.
         bias: mean difference over the reference's mean.
+        mottling: see `metrics.mottling`; 0 where no smooth surface is seen.
     """
 
     flip: float
     mrse: float
     bias: float
+    mottling: float
 
 
 @dataclass(frozen=True)
@@ -101,33 +103,38 @@ def ablation(
     told = reference(view, size, paths, progress)
     expected = told.mean.astype(np.float64)
     seen = gbuffer(view.scene, view.camera(size[1], size[0]), runtime=runtime)
-    glossy = _glossy(seen)
+    glossy, smooth = _glossy(seen), metrics.smooth_surfaces(seen)
+
+    def errors(image: NDArray[np.float64]) -> FrameError:
+        return _errors(image, expected, smooth)
+
     true = _apart(_true_terms(view, size, seen, paths, progress), glossy)
     ours = _apart(_own_terms(view, size, runtime, mode), glossy)
     frame = sum(ours.values(), np.zeros_like(expected))
     light = float(expected.mean()) or 1.0
-    found = [Replaced(NOTHING, _errors(frame, expected), None, 1.0)]
+    found = [Replaced(NOTHING, errors(frame), None, 1.0)]
     for term, value in true.items():
         found.append(Replaced(
-            term, _errors(frame - ours[term] + value, expected),
-            _errors(expected - value + ours[term], expected), float(value.mean()) / light,
+            term, errors(frame - ours[term] + value), errors(expected - value + ours[term]),
+            float(value.mean()) / light,
         ))  # fmt: skip
     both = true[FIRST] + true[LATER] - ours[FIRST] - ours[LATER]
     found.append(Replaced(
-        "all bounces", _errors(frame + both, expected), _errors(expected - both, expected),
+        "all bounces", errors(frame + both), errors(expected - both),
         float((true[FIRST] + true[LATER]).mean()) / light,
     ))  # fmt: skip
     # A frame without error is as far from the reference as that is from what it converges to.
     noise = np.random.default_rng(0).standard_normal(expected.shape) * told.error
-    found.append(Replaced(NOISE, _errors(np.maximum(expected + noise, 0.0), expected), None, 1.0))
+    found.append(Replaced(NOISE, errors(np.maximum(expected + noise, 0.0)), None, 1.0))
     return found
 
 
-def _errors(image: NDArray[np.float64], expected: NDArray[np.float64]) -> FrameError:
+def _errors(image: NDArray[np.float64], expected: NDArray[np.float64], smooth: NDArray[np.bool_]) -> FrameError:
     value, true = (np.maximum(light.astype(np.float32), 0.0).astype(np.float64) for light in (image, expected))
     mean = float(true.mean())
     bias = float((value - true).mean()) / mean if mean > 0.0 else 0.0
-    return FrameError(picture_flip(value, true), metrics.mrse(value, true), bias)
+    mottling = metrics.mottling(value, true, smooth) if true[smooth].any() else 0.0
+    return FrameError(picture_flip(value, true), metrics.mrse(value, true), bias, mottling)
 
 
 def reference(view: BuiltinScene, size: Size, paths: int, progress: Progress = lambda text, share: None) -> Truth:
@@ -229,11 +236,14 @@ def _own_terms(view: BuiltinScene, size: Size, runtime: Runtime, mode: str) -> T
 
 def told(terms: list[Replaced]) -> str:
     """Return the lines of a Markdown table."""
-    lines = ["| replaced by its truth | light | FLIP | rel. MSE | FLIP if it alone is ours | rel. MSE |"]
-    lines.append("|---|---:|---:|---:|---:|---:|")
+    errors = "mottling | rel. MSE"
+    lines = [f"| replaced by its truth | light | FLIP | {errors} | FLIP if it alone is ours | {errors} |"]
+    lines.append("|---|" + 7 * "---:|")
     for term in terms:
-        kept = " | " if term.kept is None else f"{term.kept.flip:.3f} | {term.kept.mrse:.3g}"
-        alone = f"{term.alone.flip:.3f} | {term.alone.mrse:.3g}"
+        alone, kept = (
+            " | | " if of is None else f"{of.flip:.3f} | {of.mottling:.3f} | {of.mrse:.3g}"
+            for of in (term.alone, term.kept)
+        )
         lines.append(f"| {term.term} | {100.0 * term.share:.1f} % | {alone} | {kept} |")
     return "\n".join(lines)
 

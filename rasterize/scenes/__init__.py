@@ -12,7 +12,7 @@ from functools import lru_cache
 
 from .builtin import BuiltinScene
 from .cornell_box import cornell_box
-from .generated import KINDS, MOST_SEED, generated, is_generated
+from .generated import KINDS, MOST_SEED, NAMED, generated, is_generated
 from .hall import hall
 from .parlour import parlour
 from .terrace import terrace
@@ -28,7 +28,7 @@ BUILTIN_SCENES: dict[str, Callable[[], BuiltinScene]] = {
 """Functions that make the built-in scenes, by name."""
 
 SCENE_NAMES = (
-    f"{', '.join(BUILTIN_SCENES)}, or KIND-SEED with KIND one of {', '.join(KINDS)} and SEED an "
+    f"{', '.join(BUILTIN_SCENES)}, or KIND-SEED with KIND one of {', '.join(NAMED)} and SEED an "
     f"integer from 0 to {MOST_SEED}, such as room-7"
 )
 """Names of scenes, for messages."""
@@ -45,6 +45,12 @@ TUNED_ON = tuple(f"{kind}-{seed}" for kind in KINDS for seed in TUNING_SEEDS)
 
 VALIDATED_ON = tuple(f"{kind}-{seed}" for kind in KINDS for seed in VALIDATION_SEEDS)
 """Scenes that tell whether what was tuned holds elsewhere; nothing is fitted to them."""
+
+VALIDATION_ROOMS = (
+    *("panel-300", "panel-301", "panel-302", "window-300", "window-301", "window-302"),
+    *("rods-300", "rods-301", "spot-300", "spot-301", "point-300", "point-301"),
+)
+"""Rooms on which whole frames are validated; nothing is tuned on any room of these kinds."""
 
 
 def is_scene(name: str) -> bool:
@@ -76,6 +82,7 @@ __all__ = [
     "TUNED_ON",
     "TUNING_SEEDS",
     "VALIDATED_ON",
+    "VALIDATION_ROOMS",
     "VALIDATION_SEEDS",
     "BuiltinScene",
     "cornell_box",

@@ -159,7 +159,7 @@ _GROUPS = {
 )
 @click.option("--explain", is_flag=True, help="Say of all that was left out how much time that saves, by estimate.")
 @click.option("--no-skips", is_flag=True, help="Leave nothing out; the picture is the same.")
-@click.option("--exposure", type=float, help="Factor before the tone curve; automatic by default.")
+@click.option("--exposure", type=float, help="Factor before the tone curve; automatic by default, and printed.")
 @frames_options
 @memory_option
 @device_option

@@ -97,7 +97,8 @@ def render(
             to half of them at spot and directional lights, see `auxiliary_cameras`.
         shadow_size: texels along the side of each shadow map, 16 to 8192.
         rsm_size: texels along a side that reflected light is chosen from, at most, 16 to 8192.
-        exposure: factor before the tone curve; by default the log-average luminance becomes 0.18.
+        exposure: factor before the tone curve; by default the log-average luminance becomes 0.18, as of
+            `tonemap`. `Frame.exposure` is the one taken.
         curve: "filmic" or "clip".
         gbuffer: whether the frame holds the G-buffer too.
         outputs: of "image", "radiance", "ao", "indirect" and "gbuffer"; passes for others are left

@@ -244,6 +244,8 @@ def report(
     console.print(table)
     if explain:
         console.print(_explanation(passes))
+    if "exposure" in facts:
+        click.echo(f"exposure {facts['exposure']:.4g}")
     for note in facts.get("notes", ()):
         console.print(printable(note), highlight=False, markup=False)
     for path in files:

@@ -100,6 +100,11 @@ class Context:
         return metrics.regions(self.host_gbuffer)
 
     @cached_property
+    def smooth_surfaces(self) -> NDArray[np.bool_]:
+        """Where blotches can be told from edges; see `metrics.smooth_surfaces`."""
+        return metrics.smooth_surfaces(self.host_gbuffer)
+
+    @cached_property
     def surface_pixels(self) -> int:
         """Pixels that show a surface."""
         return int(np.count_nonzero(self.seen))

@@ -102,6 +102,7 @@ def test_each_term_is_replaced_and_has_a_row(runtime: Runtime, monkeypatch: pyte
 
     monkeypatch.setattr(module.truth, "radiance", true)
     monkeypatch.setattr(module, "render", ours)
+    monkeypatch.setattr(module.metrics, "smooth_surfaces", lambda _: np.ones(SIZE, np.bool_))
     monkeypatch.setattr(module, "gbuffer", lambda *_, **__: SimpleNamespace(size=SIZE, specular=None, emission=None))
     assert list(module._parts(make_scene("cornell_box"))) == [EMISSION]  # what is dark is left out
     found = module.ablation(spot_lit(runtime), SIZE, runtime, "low")
@@ -111,6 +112,9 @@ def test_each_term_is_replaced_and_has_a_row(runtime: Runtime, monkeypatch: pyte
     assert [6.5 * one.share for one in found] == pytest.approx([6.5, 4.0, 2.0, 1.0, -0.5, 3.0, 6.5])
     assert found[0].alone.mrse == pytest.approx((0.5 / 6.51) ** 2)
     assert found[-1].alone.mrse == pytest.approx((0.1 / 6.51) ** 2, rel=0.1)  # its noise, of 3600 numbers
+    # Light that is wrong everywhere alike is no mottling; noise of single pixels leaves little of itself.
+    assert found[0].alone.mottling == pytest.approx(0.0, abs=1e-9)
+    assert 0.0 < found[-1].alone.mottling < 0.15 * 0.1 / 6.5
     shown = CliRunner().invoke(main, ("--scene", "cornell_box-spot", "--size", "40x30", "--mode", "low"))
     assert shown.exit_code == 0, shown.output
     assert "## cornell_box-spot, 40 x 30, `low`" in shown.output

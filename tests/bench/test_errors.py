@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -80,6 +82,33 @@ def test_flip_of_pictures_grows_with_the_error_and_is_the_same_at_any_exposure(r
     found = errors_of(1.1 * image, truth_of(image), seen, {"elsewhere": seen}, light=True, picture=True)
     assert found["flip"] == pytest.approx(near, rel=1e-5)
     assert found["mrse"] == pytest.approx(float(np.mean((0.1 * image / (image + 0.01)) ** 2)), rel=1e-3)
+
+
+def test_mottling_is_that_of_frames_on_smooth_surfaces() -> None:
+    pytest.importorskip("scipy", reason="scipy is not installed (extra 'truth')")
+    truth = np.full((60, 200, 3), 0.5, np.float32)
+    blotched = truth * np.exp(0.1 * np.sin(2.0 * np.pi * np.arange(200) / 25.0))[:, None].astype(np.float32)
+    seen, left = np.ones((60, 200), np.bool_), np.arange(200) < 100
+
+    def mottling(image: np.ndarray, of: np.ndarray, **options: Any) -> float | None:
+        found: float | None = errors_of(image, truth_of(of), seen, {"elsewhere": seen}, light=True, **options)[
+            "mottling"
+        ]
+        return found
+
+    whole = mottling(blotched, truth, picture=True, smooth=seen)
+    assert whole is not None
+    # .1 / sqrt 2 times exp(-.5 (2 pi 2 / 25)^2) = .881; Gaussians are cut off at the ends.
+    assert whole == pytest.approx(0.0623, rel=0.1)
+    half = blotched.copy()
+    half[:, 100:] = truth[:, 100:]
+    assert mottling(half, truth, picture=True, smooth=seen & left) == pytest.approx(whole, rel=0.1)
+    assert mottling(half, truth, picture=True, smooth=seen & ~left) == pytest.approx(0.0, abs=1e-6)
+    unknown = np.where(left[:, None], np.float32(np.nan), truth)
+    assert mottling(blotched, unknown, picture=True, smooth=seen & left) is None
+    assert mottling(blotched, np.where(left[:, None], np.float32(0.0), truth), picture=True, smooth=seen & left) is None
+    assert mottling(blotched, truth, picture=True, smooth=seen & False) is None
+    assert mottling(blotched, truth) is None
 
 
 def test_tone_curve_is_the_documented_one() -> None:

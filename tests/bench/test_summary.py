@@ -125,6 +125,17 @@ def test_every_case_has_a_row_and_every_group_with_errors_a_plot_that_is_linked(
     assert text.index("## The least error within a time") < text.index("## Ambient occlusion")
 
 
+def test_tables_of_frames_have_a_mottling_in_place_of_a_model(tmp_path: Path) -> None:
+    frame = entry("frame.default.hall.8x6", quantity="radiance")
+    frame["errors"]["world"]["mottling"] = 0.0471
+    assert "0.0471" in line_of(shown(whole(frame)), "frame.default")
+    text = summary.write(tmp_path / "page.md", whole(frame, entry()), {})[0].read_text(encoding="utf-8")
+    heads = [line for line in text.splitlines() if "| case |" in line]
+    assert sorted("FLIP | mottling | counted" in head for head in heads) == [False, True]
+    assert sorted("FLIP | RMSE of the model | its bias | counted" in head for head in heads) == [False, True]
+    assert re.search(r"frame\.default .*\| 0\.0471 \|", text)
+
+
 def test_the_best_of_ours_on_the_front_is_shown_beside_truth_and_error(tmp_path: Path) -> None:
     results = [
         entry("ssao.4.hall.8x6", 1.0, 0.2),

@@ -102,7 +102,9 @@ def test_render_reports_passes_and_device(tmp_path: Path, runtime: Runtime) -> N
     assert passes["tonemap"]["skipped"] is None
     # The built-in box has no ambient light, so that nothing needs occlusion.
     assert "ambient" in passes["gtao"]["skipped"]
-    assert "skipped: no ambient light" in succeeds(*arguments).stdout
+    shown = succeeds(*arguments).stdout
+    assert "skipped: no ambient light" in shown
+    assert f"exposure {frame.exposure:.4g}\n" in shown
 
 
 def test_render_takes_a_mesh_file_and_suffixes_in_upper_case(corner: Path, tmp_path: Path) -> None:

@@ -395,6 +395,21 @@ def test_automatic_exposure_undoes_the_brightness_of_the_light(runtime: Runtime,
     assert np.abs(a.image.astype(int) - b.image).max() <= 1  # a value may round to the next
 
 
+@pytest.mark.parametrize(("sun", "bounces"), [(False, "all"), (True, "all"), (True, 0)])
+def test_few_surfaces_are_white_where_most_are_dark(runtime: Runtime, sun: bool, bounces: Any) -> None:
+    place = BUILTIN_SCENES["terrace"]()
+    eye, target = np.array(place.eye), np.array(place.target)
+    points = target + 0.3 * (eye - target) + (0.0, 0.4, 0.0), 0.5 * (eye + target) + (1.0, 0.6, 0.0)
+    lights = [SUN] if sun else [PointLight(tuple(point), 1.0) for point in points]
+    frame = render(place.scene, place.camera(160, 120), lights, bounces=bounces, gbuffer=True, runtime=runtime)
+    assert frame.gbuffer is not None
+    seen = np.isfinite(np.asarray(frame.gbuffer.depth))
+    # By the log-average of all pixels 6 % would be, with the two lights.
+    assert np.mean((frame.image[seen] >= 250).all(axis=-1)) <= 0.05
+    # Nor is it dark: half of what is lit at all is above a tenth of the scale.
+    assert np.median(frame.image[seen].max(axis=-1)[frame.radiance[seen].max(axis=-1) > 0.0]) > 25
+
+
 # ---- bad input
 
 

@@ -14,7 +14,7 @@ import ssgi_cl as gi
 from ssgi_cl.bench.drawn import polished
 from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.frame.params import cell_size
+from ssgi_cl.frame.params import FrameParams, cell_size
 from ssgi_cl.rasterize.raster.rasterizer import Rasterizer
 from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.rasterize.scenes import make_scene
@@ -107,6 +107,31 @@ def test_the_sky_is_hidden_at_any_distance(runtime: Runtime) -> None:
     # One bounce adds at most the albedo's share of what arrives.
     assert direct < 1.05 * seen.mean()
     assert seen.mean() < 1.6 * direct
+
+
+def test_radiance_is_the_sum_of_its_parts_dimmed_by_contacts_within_two_cells(runtime: Runtime) -> None:
+    """Albedo / pi (A E_sky + min(2 A, 1) E_bounces), with A of two cells of the occupancy grid."""
+    scene = cube(0.5, 0.0, sides=5)
+    camera = gi.Camera.look_at((-0.7, -0.7, 0.2), (-1.0, -1.0, 0.0), yfov=0.5, width=64, height=48)  # of an edge
+    whole = FrameParams(preset="medium").whole
+    assert whole is not None
+    given: dict[str, Any] = {"preset": "medium", "outputs": ["radiance", "ao", "indirect"], "runtime": runtime}
+    frame = gi.render(scene, camera, [SKY], **given)
+    assert frame.ao is not None
+    assert frame.indirect is not None
+    gbuffer = gi.rasterize.gbuffer(scene, camera, runtime=runtime)
+    sky = gi.sampled_lights(
+        gbuffer, [SKY], scene=scene, directions=whole.directions, map_size=whole.map_size, runtime=runtime
+    )
+    a = frame.ao[..., None]
+    there = np.isfinite(np.asarray(gbuffer.depth)) & (sky.max(axis=-1) > 0.0)
+    expected = 0.5 / math.pi * (a * sky + np.minimum(2.0 * a, 1.0) * frame.indirect)
+    assert there.mean() > 0.5
+    assert np.quantile(frame.ao[there], 0.05) < 0.8  # there is something that it dims
+    np.testing.assert_allclose(frame.radiance[there], expected[there], rtol=1e-4)
+    radius = 2.0 * cell_size(scene)
+    np.testing.assert_array_equal(frame.ao, gi.render(scene, camera, [SKY], ao_radius=radius, **given).ao)
+    np.testing.assert_array_equal(frame.ao, gi.gtao(gbuffer, radius=radius, runtime=runtime))
 
 
 def test_scene_light_is_kept_while_only_the_camera_moves(runtime: Runtime) -> None:

@@ -16,6 +16,7 @@ from ssgi_cl.rasterize.scenes import (
     REPORTED,
     TUNED_ON,
     VALIDATED_ON,
+    VALIDATION_ROOMS,
     BuiltinScene,
     generated,
     is_scene,
@@ -128,7 +129,7 @@ def test_every_kind_renders(built: BuiltinScene, runtime: Runtime) -> None:
 )
 def test_unknown_names_are_refused_with_the_kinds(name: str) -> None:
     assert not is_scene(name)
-    kinds = "room, colonnade, foliage, machine, street, terrain, chambers"
+    kinds = "room, colonnade, foliage, machine, street, terrain, chambers, panel, window, rods, spot, point"
     message = f"scene is '{name}': expected one of cornell_box.*, or KIND-SEED with KIND one of {kinds} and SEED an "
     with pytest.raises(ValueError, match=f"{message}integer from 0 to 999999"):
         make_scene(name)
@@ -141,6 +142,34 @@ def test_sets_of_scenes_share_none() -> None:
         assert {name.split("-")[0] for name in names} == set(KINDS)
         assert len(set(names)) == len(names)
     assert set(REPORTED) <= set(BUILTIN_SCENES)
+
+
+@pytest.mark.parametrize("name", VALIDATION_ROOMS)
+def test_rooms_of_validation_are_closed_lit_as_named_and_seen_from_within(name: str, runtime: Runtime) -> None:
+    room = made(name)
+    assert room.closed
+    assert is_closed(room.scene)
+    assert generated(name).scene.positions.tobytes() == room.scene.positions.tobytes()
+    kind = name.split("-")[0]
+    lit = {type(light).__name__ for light in room.own_lights}
+    expected = {"spot": {"SpotLight"}, "point": {"PointLight"}, "window": {"DirectionalLight", "Environment"}}
+    assert lit == expected.get(kind, set())
+    emits = np.array([material.emits for material in room.scene.materials])[room.scene.material_ids]
+    assert emits.any() == (kind in ("panel", "rods"))
+    corners = (room.scene.positions[room.scene.triangles] + room.scene.origin).astype(np.float64)
+    assert abs(winding(corners, np.array(room.eye))) < 0.01
+    depth = front_depth(room.scene, room.camera(64, 48), runtime)
+    assert np.isfinite(depth).mean() > 0.85
+    assert (depth < 0.5).mean() < 0.125
+
+
+def test_rooms_of_validation_are_of_kinds_that_nothing_is_tuned_on() -> None:
+    assert len(set(VALIDATION_ROOMS)) == 12
+    kinds = {name.split("-")[0] for name in VALIDATION_ROOMS}
+    assert kinds == {"panel", "window", "rods", "spot", "point"}
+    assert not kinds & {name.split("-")[0] for name in (*TUNED_ON, *VALIDATED_ON)}
+    sizes = [np.ptp(made(name).scene.bounds, axis=0).tolist() for name in VALIDATION_ROOMS]
+    assert len({tuple(np.round(size, 3)) for size in sizes}) == 12
 
 
 # ---- what scenes are made with

@@ -178,6 +178,92 @@ def test_missing_package_names_the_extra(metric: Metric, monkeypatch: pytest.Mon
         metric(np.ones((8, 8)), np.ones((8, 8)))
 
 
+# ---- mottling
+
+
+def wave(length: float, amplitude: float) -> Any:
+    """Return light with a relative error of this amplitude along its columns, and the light without."""
+    light = np.exp(0.5 * np.sin(np.arange(48)[:, None] / 9.0)) * np.ones((48, 1500))
+    error = amplitude * np.sin(2.0 * np.pi * np.arange(1500) / length)
+    return light * np.exp(error), light
+
+
+@pytest.mark.parametrize(("length", "tolerance"), [(6.0, 0.03), (11.0, 0.02), (30.0, 0.02), (107.0, 0.05)])
+def test_mottling_of_a_wave_is_its_amplitude_times_the_gain_of_the_band(length: float, tolerance: float) -> None:
+    image, truth = wave(length, 0.05)
+    narrow, wide = (math.exp(-0.5 * (2.0 * math.pi * width / length) ** 2) for width in (2.0, 20.0))
+    gain = narrow - wide
+    # 1 % of the mean is added, of which the darkest rows have .6: that takes up to 1.6 %. At both ends, 60 of
+    # 1500 columns, Gaussians are cut off; the wider the wave, the more that changes.
+    everywhere = np.ones(truth.shape, np.bool_)
+    found = metrics.mottling(image, truth, everywhere)
+    assert found == pytest.approx(gain * 0.05 / math.sqrt(2.0), rel=tolerance)
+    # Grey in three channels of float32 is the same light.
+    colored = np.stack([image] * 3, axis=-1).astype(np.float32)
+    assert metrics.mottling(colored, np.stack([truth] * 3, axis=-1), everywhere) == pytest.approx(found, rel=1e-4)
+
+
+def test_noise_of_single_pixels_and_light_that_is_too_bright_all_over_are_no_mottling(rng: np.random.Generator) -> None:
+    _, truth = wave(30.0, 0.0)
+    everywhere = np.ones(truth.shape, np.bool_)
+    assert metrics.mottling(truth, truth, everywhere) == 0.0
+    # Twice the light; 1 % of the mean is added to both, and rows differ by a factor of 2.7.
+    assert metrics.mottling(2.0 * truth, truth, everywhere) < 2e-3
+    noisy = truth * np.maximum(1.0 + 0.1 * rng.standard_normal(truth.shape), 0.0)
+    # A Gaussian of 2 pixels leaves 1 / (2 sqrt(pi) 2) = 7 % of it, of which the wider one takes 1 %.
+    assert metrics.mottling(noisy, truth, everywhere) == pytest.approx(0.1 / (4.0 * math.sqrt(math.pi)), rel=0.05)
+
+
+def test_surfaces_that_differ_in_brightness_alone_are_no_mottling() -> None:
+    _, truth = wave(30.0, 0.0)
+    image = truth.copy()
+    image[:, 700:] *= 1.3
+    apart = np.ones(truth.shape, np.bool_)
+    apart[:, 697:703] = False
+    assert metrics.mottling(image, truth, apart) < 1e-3
+    assert metrics.mottling(image, truth, np.ones_like(apart)) > 0.01  # on one surface it is a step
+
+
+def test_what_is_no_smooth_surface_has_no_part_in_mottling(rng: np.random.Generator) -> None:
+    image, truth = wave(30.0, 0.1)
+    smooth = np.ones(truth.shape, np.bool_)
+    smooth[:, 400:600] = False
+    found = metrics.mottling(image, truth, smooth)
+    image[:, 400:600], truth[:, 400:600] = math.nan, math.inf
+    assert metrics.mottling(image, truth, smooth) == found
+    with pytest.raises(ValueError, match="truth is black where smooth is True"):
+        metrics.mottling(image, np.zeros_like(truth), smooth)
+    with pytest.raises(ValueError, match="image has a luminance of -"):
+        metrics.mottling(-image, np.nan_to_num(truth), smooth)
+
+
+def test_smooth_surfaces_end_3_pixels_from_edges_and_have_400_pixels() -> None:
+    camera = view(120, 160)
+    depth = np.full((120, 160), 4.0)
+    normal = np.tile(np.array((0.0, 0.0, 1.0)), (120, 160, 1))
+    albedo = np.full((120, 160, 3), 0.5)
+    depth[:, 40:] = 3.0  # a silhouette
+    albedo[:60] = (0.5, 0.36, 0.5)  # less than three quarters of the green
+    normal[:, 100:126] = (0.0, 1.0, 0.0)  # creases; 18 columns are left, two times 57 x 18 pixels
+    depth[:, 150:] = np.inf
+    normal[:, 150:] = 0.0
+    found = metrics.smooth_surfaces(GBuffer(camera=camera, depth=depth, normal=normal, albedo=albedo))
+    expected = np.ones((120, 160), np.bool_)
+    for column in (40, 100, 126, 150):
+        expected[:, column - 4 : column + 4] = False
+    expected[56:64] = False
+    expected[:, 150:] = False
+    np.testing.assert_array_equal(found, expected)
+    albedo[:60] = (0.5, 0.38, 0.5)
+    normal[:, 100:126] = (0.0, 0.0, 1.0)
+    normal[:, 100:115] = (0.0, 1.0, 0.0)
+    # One surface again, but what lies between the creases is too narrow: 7 x 56 pixels above and below.
+    depth[56:64] = np.inf
+    found = metrics.smooth_surfaces(GBuffer(camera=camera, depth=depth, normal=normal, albedo=albedo))
+    assert not found[:, 96:119].any()
+    assert found[:52, 50:90].all()
+
+
 # ---- regions
 
 

@@ -23,7 +23,7 @@ MODULES: Mapping[str, str] = {
 """Public modules, and what the index says of them."""
 
 HIDDEN = {"BUILTIN_SCENES", "KINDS", "REPORTED", "SCENE_NAMES", "TUNED_ON", "TUNING_SEEDS", "VALIDATED_ON"}
-HIDDEN |= {"VALIDATION_SEEDS", "generated", "PIXELS_PER_DEGREE", "REGIONS", "__version__"}
+HIDDEN |= {"VALIDATION_ROOMS", "VALIDATION_SEEDS", "generated", "PIXELS_PER_DEGREE", "REGIONS", "__version__"}
 """Constants and modules, which have no docstring of their own."""
 
 

@@ -11,6 +11,7 @@ from .chance import Chance
 from .colonnade import colonnade
 from .draft import Draft
 from .foliage import foliage
+from .lit_rooms import LIT_ROOMS
 from .machine import machine
 from .room import room
 from .street import street
@@ -28,6 +29,9 @@ KINDS: dict[str, Callable[[Chance], Draft]] = {
 }
 """Functions that make a scene of each kind, by name."""
 
+NAMED = {**KINDS, **LIT_ROOMS}
+"""The same with rooms that nothing is tuned on."""
+
 VIEWS = 3
 """Views of each scene."""
 MOST_SEED = 999_999
@@ -38,7 +42,7 @@ _NAME = re.compile(r"([a-z]+)-(0|[1-9]\d{0,5})")
 def is_generated(name: str) -> bool:
     """Return whether a name is of the form KIND-SEED with a known kind."""
     match = _NAME.fullmatch(name)
-    return match is not None and match[1] in KINDS
+    return match is not None and match[1] in NAMED
 
 
 def generated(name: str) -> BuiltinScene:
@@ -48,12 +52,12 @@ def generated(name: str) -> BuiltinScene:
         ValueError: there is no such kind, or the seed is none.
     """
     match = _NAME.fullmatch(name)
-    if match is None or match[1] not in KINDS:
+    if match is None or match[1] not in NAMED:
         raise ValueError(
-            f"scene is {name!r}: expected KIND-SEED with KIND one of {', '.join(KINDS)} and SEED "
+            f"scene is {name!r}: expected KIND-SEED with KIND one of {', '.join(NAMED)} and SEED "
             f"an integer from 0 to {MOST_SEED}, such as room-7"
         )
-    draft = KINDS[match[1]](Chance(match[1], int(match[2])))
+    draft = NAMED[match[1]](Chance(match[1], int(match[2])))
     parts = draft.model.parts()
     limits = {"yfov": draft.yfov, "clearance": draft.clearance, "coverage": draft.coverage}
     (eye, target), *more = chosen(Surroundings(parts), draft.candidates, VIEWS, **limits)

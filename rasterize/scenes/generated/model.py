@@ -60,9 +60,13 @@ def unit(name: str) -> Part:
 
 
 class Model:
-    """Parts of a scene; positions are in the frame of the innermost `at`."""
+    """Parts of a scene; positions are in the frame of the innermost `at`.
 
-    def __init__(self) -> None:
+    `materials`: what the numbers of parts' materials stand for.
+    """
+
+    def __init__(self, materials: tuple[Material, ...] = MATERIALS) -> None:
+        self._materials = materials
         self._placed: dict[str, list[tuple[Doubles, Doubles, Doubles, int, Doubles]]] = {}
         self._parts: list[tuple[Part, bool]] = []
         self._turn = np.eye(3)
@@ -173,7 +177,7 @@ class Model:
 
     def scene(self) -> Scene:
         """Return the scene of all parts."""
-        return assemble([part for part, _ in self.parts()], MATERIALS)
+        return assemble([part for part, _ in self.parts()], self._materials)
 
 
 def upright_to(way: ArrayLike) -> Doubles:

@@ -21,7 +21,15 @@ def encoded_reference(radiance: ArrayLike, exposure: float, curve: str = "filmic
 
 
 def auto_exposure_reference(radiance: ArrayLike) -> float:
-    """Return the exposure that brings the log-average luminance of all pixels to middle grey."""
+    """Return the exposure that brings the log-average luminance of all pixels to middle grey, at most what
+    makes the highlight 2.5.
+
+    The highlight is the 95th percentile of what is not black; luminances count as between 1/32 of it and itself.
+    """
     luminance = np.asarray(radiance, np.float64) @ [0.2126, 0.7152, 0.0722]
     lit = luminance[luminance > 0.0]
-    return MIDDLE_GREY / float(np.exp(np.log(lit).mean())) if lit.size else 1.0
+    if not lit.size:
+        return 1.0
+    highlight = np.quantile(lit, 0.95, method="inverted_cdf")
+    average = np.exp(np.log(np.clip(lit, highlight / 32.0, highlight)).mean())
+    return float(min(MIDDLE_GREY / average, 2.5 / highlight))

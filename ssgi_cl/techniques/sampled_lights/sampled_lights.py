@@ -87,10 +87,6 @@ class SampledLights(Prepared[SampledLightsParams]):
         params: of the technique.
         kept: whether results are in memory of its own; else each lives as long as somebody refers
             to it.
-
-    Attributes:
-        contact_radius: scene units; occluders nearer than this may be missed, which is for ambient
-            occlusion to add. 0 before the first run.
     """
 
     def __init__(
@@ -115,7 +111,6 @@ class SampledLights(Prepared[SampledLightsParams]):
         self._scene: object = None  # its key, of what the maps show
         self._views: Doubles = np.zeros((0, 3, 4))
         self._diagonals: Doubles = np.zeros(0)
-        self.contact_radius = 0.0
 
     def run(self, gbuffer: DeviceGBuffer, lights: Sequence[Light], *, scene: Scene) -> Plane | None:
         """Queue the passes; return irradiance by all environments, None if there is no light.
@@ -214,7 +209,6 @@ class SampledLights(Prepared[SampledLightsParams]):
                 vertex_stride=solid.vertex_stride,
                 side=texels,
             )
-        self.contact_radius = 2.0 * float(np.median(self._diagonals))
         self._scene = scene.key
 
     def _table(self, gbuffer: DeviceGBuffer, scene: Scene) -> NDArray[np.float32]:

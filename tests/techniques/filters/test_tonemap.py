@@ -99,6 +99,12 @@ def test_automatic_exposure_is_that_of_all_pixels(rng: np.random.Generator) -> N
     radiance = np.exp(rng.normal(0.0, 1.0, (240, 320, 3))).astype(np.float32)
     # Every ninth pixel counts: the mean of 8560 logs of deviation 0.7 is off by 0.008.
     assert math.isclose(auto_exposure(radiance), auto_exposure_reference(radiance), rel_tol=4 * 0.008)
+    # Of the picture of which it takes all pixels there is no such error, at any contrast.
+    for deviation in (0.3, 1.5, 5.0):
+        some = np.exp(rng.normal(0.0, deviation, (80, 100, 3))).astype(np.float32)
+        assert math.isclose(
+            auto_exposure(np.repeat(np.repeat(some, 3, 0), 3, 1)), auto_exposure_reference(some), rel_tol=1e-9
+        )
 
 
 def test_black_pixels_do_not_count_in_the_exposure() -> None:
@@ -107,6 +113,60 @@ def test_black_pixels_do_not_count_in_the_exposure() -> None:
     radiance[:, ::2] = 2.0
     # Grey cards reflect 18 %.
     assert math.isclose(auto_exposure(radiance), 0.09, rel_tol=1e-9)
+
+
+def grey(values: NDArray[np.floating]) -> NDArray[np.float32]:
+    """Return a picture of 300 x 300 pixels in which these values of grey are spread evenly."""
+    rng = np.random.default_rng(1)
+    return np.repeat(rng.permutation(np.resize(values, 300 * 300)).reshape(300, 300, 1), 3, 2).astype(np.float32)
+
+
+def white(radiance: NDArray[np.float32], exposure: float) -> float:
+    """Return the share of the pixels that the filmic curve makes 250 or more."""
+    return float(np.mean(encoded_reference(radiance[..., 0], exposure) >= 250.0))
+
+
+def test_small_lights_in_the_dark_are_not_white() -> None:
+    # All but dark are 69 % of the pixels, the rest decreases with the distance from two lights: by its log-average
+    # the picture would have an exposure of 175, and 30 % of it would be white.
+    near = np.geomspace(1.0, 0.03, 3100)
+    radiance = grey(np.concatenate([near, np.geomspace(2e-4, 5e-5, 6900)]))
+    old = 0.18 / float(np.exp(np.log(radiance.astype(np.float64)).mean()))
+    assert white(radiance, old) > 0.25
+    found = auto_exposure(radiance)
+    assert white(radiance, found) <= 0.05
+    # Nor is it dim: what is lit best, 5 % of it, is in the brightest tenth of the scale.
+    assert found * float(np.quantile(radiance, 0.95)) == pytest.approx(2.5, rel=0.02)
+
+
+@pytest.mark.parametrize("lit", [0.02, 0.2, 0.4, 0.66, 0.9])
+def test_what_a_sun_lights_alone_is_no_sheet_of_white(lit: float) -> None:
+    radiance = grey(np.where(np.arange(10000) < 10000 * lit, 1.0, 1e-7))
+    found = auto_exposure(radiance)
+    assert white(radiance, found) <= 0.05
+    # 2 % of a picture are no highlight: they may be white, and the rest is seen.
+    assert found == pytest.approx(MIDDLE_GREY / 1e-7, rel=0.01) if lit == 0.02 else found <= 2.5
+
+
+def test_a_glaring_light_does_not_darken_the_rest() -> None:
+    radiance = np.full((300, 300, 3), 0.3, np.float32)
+    radiance[:40, :40] = 1e6  # 1.8 % of the pixels
+    assert auto_exposure(radiance) == pytest.approx(MIDDLE_GREY / 0.3, rel=1e-6)
+
+
+@pytest.mark.parametrize("power", [2.0, 1e-6, 1e6])
+def test_exposure_is_inverse_to_the_power_of_all_light(rng: np.random.Generator, power: float) -> None:
+    for deviation in (0.5, 2.0, 6.0):  # the last has 5 % of white
+        radiance = np.exp(rng.normal(0.0, deviation, (90, 90, 3))).astype(np.float32)
+        # float32 rounds the scaled light.
+        assert power * auto_exposure(np.float32(power) * radiance) == pytest.approx(auto_exposure(radiance), rel=1e-6)
+
+
+def test_a_single_lit_pixel_is_middle_grey() -> None:
+    radiance = np.zeros((31, 31, 3), np.float32)
+    radiance[3, 3] = 40.0
+    assert auto_exposure(radiance) == pytest.approx(MIDDLE_GREY / 40.0, rel=1e-6)
+    assert auto_exposure(np.zeros((0, 5, 3), np.float32)) == 1.0
 
 
 @pytest.mark.parametrize("columns", [1, 2, 3, 4])

@@ -156,6 +156,20 @@ def test_surfels_take_texture_and_holes() -> None:
     assert made.albedo == pytest.approx(0.5)
 
 
+def test_surfels_take_textures_of_colour_and_emission_for_srgb() -> None:
+    grey, glow = np.full((2, 2, 4), 255, np.uint8), np.full((2, 2, 4), 255, np.uint8)
+    grey[..., :3], glow[..., :3] = 128, 64
+    made = Material(albedo=(0.5,) * 3, texture=0, emission=(2.0,) * 3, emission_texture=1)
+    corners = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    plain = meshed(corners, [[0, 1, 2], [0, 2, 3]], (Material(),))
+    scene = replace(plain, textures=(grey, glow), materials=(made,))
+    surfels = scene_surfels(scene, 64)
+    # IEC 61966-2-1: ((b / 255 + .055) / 1.055)^2.4.
+    assert surfels.part_albedo == pytest.approx(0.5 * 0.21586, rel=1e-4)
+    assert surfels.albedo == pytest.approx(0.5 * 0.21586, rel=1e-4)
+    assert surfels.emission == pytest.approx(2.0 * 0.05127, rel=1e-3)
+
+
 def in_l_room(point: NDArray[np.float64]) -> NDArray[np.bool_]:
     x, y, z = point.T
     return (np.minimum(x, z) < 1.0) & (point > 0.0).all(axis=1) & (y < 1.2)
@@ -267,6 +281,19 @@ def test_a_spot_in_a_closed_box_lights_by_its_flux(runtime: Runtime) -> None:
     received = float(made.surfels.area @ made.irradiance.mean(axis=1))
     # Irradiance of surfels is by light that was reflected once and more.
     assert received == pytest.approx(flux * albedo / (1.0 - albedo), rel=0.04)
+
+
+@pytest.mark.parametrize("bounces", [1, 2, 3])
+def test_light_of_maps_has_been_reflected_once_when_it_arrives(runtime: Runtime, bounces: int) -> None:
+    """The first of N bounces is what pixels take of the maps: surfels get the second one's light and on."""
+    albedo, light = 0.5, SpotLight((0, 0.0, 0.0), (0, -1, 0), 0.6, 3.0)
+    made = solved(runtime, box(albedo), (light,), surfels=1024, vpls=1024, bounces=bounces)
+    flux = 3.0 * 2.0 * math.pi * (1.0 - math.cos(0.6))
+    received = float(made.surfels.area @ made.irradiance.mean(axis=1))
+    expected = flux * sum(albedo**n for n in range(1, bounces))
+    assert received == pytest.approx(expected, rel=0.04)
+    assert made.vpls is not None
+    assert made.vpls.flux.any() == (bounces > 1)
 
 
 def test_surfaces_in_a_narrow_gap_take_no_part(runtime: Runtime) -> None:

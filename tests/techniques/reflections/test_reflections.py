@@ -136,6 +136,23 @@ def test_sky_is_averaged_over_the_lobe(runtime: Runtime) -> None:
         np.testing.assert_allclose(found[inner], (lobes.specular * mean)[inner], rtol=0.02 if gloss > 100 else 0.05)
 
 
+def test_the_sky_is_round_at_its_seam(runtime: Runtime) -> None:
+    """A sky of 16 columns that grows from west to east, and a floor that mirrors its first and last ones."""
+    turn = 2.0 * np.pi * ((np.arange(16) + 0.5) / 16.0 - 0.5)
+    sky = np.broadcast_to((1.0 + 0.9 * np.sin(turn))[None, :, None], (8, 16, 3)).copy()
+    made = camera("perspective", (32, 48), eye=(0.0, 1.5, -3.0), target=(0.0, 0.0, 0.0))
+    gbuffer = glossy(trace(made, [Plane((0, -0.3, 0), (0, 1, 0))]), 1e5)
+    found = added(runtime, gbuffer, 0.0, 0.0, Environment(sky))
+    lobes = Lobes.of(gbuffer, *world_surface(gbuffer)[:2])
+    x, z = lobes.axis[..., 0], lobes.axis[..., 2]
+    there = np.isfinite(np.asarray(gbuffer.depth))
+    assert (np.abs(np.arctan2(x, z))[there] < np.pi / 16.0).mean() > 0.2  # of half a column from the seam
+    expected = lobes.specular * (1.0 + 0.9 * x / np.hypot(x, z))[..., None]
+    # A straight line through 16 columns is .9 (1 - cos(pi / 16)) = .017 off, of which a half is reflected, and means
+    # of 5 x 5 pixels end with the image. From a column's middle to the seam the sky changes by .18.
+    np.testing.assert_allclose(found[there], expected[there], rtol=0, atol=0.02)
+
+
 def test_no_sky_enters_a_closed_room(runtime: Runtime) -> None:
     """Rays that leave the image in a closed room take what its surfaces send.
 
@@ -185,6 +202,53 @@ def test_surfaces_count_by_how_large_they_appear(runtime: Runtime) -> None:
     inner[:5], inner[-5:] = False, False
     assert inner.sum() > 100
     np.testing.assert_allclose(found[inner], expected[inner], rtol=0.03)
+
+
+ACROSS = {"-z": (0.0, -1.0), "+z": (0.0, 1.0), "-x": (-1.0, 0.0), "+x": (1.0, 0.0)}
+"""Direction -> x and z of what a floor or ceiling mirrors."""
+
+
+@pytest.mark.parametrize("up", [1.0, -1.0], ids=["floor", "ceiling"])
+@pytest.mark.parametrize("to", ACROSS.values(), ids=ACROSS)
+def test_rays_see_the_sides_that_face_against_them(runtime: Runtime, to: tuple[float, float], up: float) -> None:
+    """In a volume of whose six sides each sends another radiance; a wall blocks the rays."""
+    x, z = to
+    made = camera("perspective", (24, 32), eye=(-2.0 * x, 2.0 * up, -2.0 * z), target=(0.0, 0.0, 0.0))
+    gbuffer = glossy(trace(made, [Plane((0, -0.3 * up, 0), (0, up, 0))]), 1e5)
+    middle, along = np.array((4.0 * x, 2.5 * up, 4.0 * z)), np.array((z, 0.0, x))
+    wall = quads(((middle - 7.0 * along - (0, 3.5, 0)).tolist(), (14.0 * along).tolist(), (0, 7, 0)))
+    volume = even(0.0)
+    sides = np.array((2.0, 3.0, 5.0, 7.0, 11.0, 13.0))  # of surfaces that face +x, -x, +y, -y, +z and -z
+    volume.radiance[...] = sides[:, None]
+    found = added(runtime, gbuffer, 0.0, 0.0, Environment(0.0), blocks=wall, volume=volume)
+    lobes = Lobes.of(gbuffer, *world_surface(gbuffer)[:2])
+    against = sides[[0, 2, 4] + (lobes.axis > 0.0)]
+    weight = np.abs(lobes.axis)
+    expected = lobes.specular * ((weight * against).sum(axis=-1) / weight.sum(axis=-1))[..., None]
+    blocked = (found[..., 0] > 0.0) & (weight.min(axis=-1) > 0.05)  # a lobe is not wholly on one side of an axis
+    inner = np.all([np.roll(blocked, k, 0) for k in range(-5, 6)], axis=0)
+    inner[:5], inner[-5:] = False, False
+    assert inner.sum() > 50
+    np.testing.assert_allclose(found[inner], expected[inner], rtol=0.03)
+
+
+def test_the_back_of_what_the_image_shows_is_not_its_front(runtime: Runtime) -> None:
+    """A mirror before the eye, and a plate between them whose lit side the eye sees and the mirror does not."""
+    made = camera("perspective", (60, 80), eye=(0.0, 0.0, 6.0), target=(0.0, 0.0, 0.0))
+    wall, plane = (trace(made, [Plane((0, 0, z), (0, 0, 1))]) for z in (0.0, 3.0))
+    points = made.unproject(np.asarray(plane.depth))
+    plate = (points[..., 0] > 0.3) & (points[..., 0] < 1.2) & (np.abs(points[..., 1]) < 0.8)
+    depth = np.where(plate, plane.depth, wall.depth).astype(np.float32)
+    gbuffer = glossy(GBuffer(camera=made, depth=depth, normal=np.asarray(wall.normal)), 1e5)
+    assert gbuffer.specular is not None
+    gbuffer = replace(gbuffer, specular=np.where(plate[..., None], 0.0, gbuffer.specular))
+    radiance = np.where(plate[..., None], 50.0, 0.0) * np.ones(3)
+    found = added(runtime, gbuffer, radiance, 0.0, Environment(1.0))
+    # A ray from (x, y, 0) is at 1.5 (x, y) where it passes the plate.
+    seen = 1.5 * made.unproject(depth)
+    meets = ~plate & (np.abs(seen[..., 0] - 0.6) < 0.25) & (np.abs(seen[..., 1]) < 0.7)
+    assert meets.sum() > 30
+    np.testing.assert_allclose(found[~plate] / (0.5, 0.4, 0.3), 1.0, rtol=1e-3)
 
 
 def test_rays_pass_behind_what_is_no_thicker_than_surfaces_are_taken_to_be(runtime: Runtime) -> None:

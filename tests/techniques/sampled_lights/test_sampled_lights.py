@@ -216,7 +216,6 @@ def test_without_an_environment_nothing_is_drawn(runtime: Runtime) -> None:
         for lights in ((), (PointLight((0, 1, 0), 1.0),), (Environment(0.0),)):
             assert technique.run(device, lights, scene=scene) is None
     assert technique._maps is None
-    assert technique.contact_radius == 0.0
     assert not sampled_lights(gbuffer, [], scene=scene, runtime=runtime).any()
 
 
@@ -234,14 +233,30 @@ def test_maps_are_kept_while_scene_and_environments_are_the_same(runtime: Runtim
     assert drawn(scene, sky)
     assert not drawn(scene, sky)
     assert drawn(_scene(), sky)
-    assert technique.contact_radius > 0.0
 
 
-def test_holes_that_alpha_cuts_out_let_light_through(variant_runtime: Runtime) -> None:
+def test_directions_are_those_of_the_environments_of_the_frame(runtime: Runtime, rng: np.random.Generator) -> None:
+    scene, skies = _scene(), [_sky(rng), Environment((1.0, 2.0, 3.0)), _sky(rng)]
+    device = uploaded(runtime, gi.rasterize.gbuffer(scene, _camera(), runtime=runtime))
+    params = SampledLightsParams(directions=32, map_size=32)
+
+    def light(technique: SampledLights, sky: Environment) -> NDArray[np.float32]:
+        with runtime.frame():
+            plane = technique.run(device, [sky], scene=scene)
+            assert plane is not None
+            return np.array(plane.download())
+
+    kept = SampledLights(runtime, device.size, params)
+    for sky in skies:
+        np.testing.assert_array_equal(light(kept, sky), light(SampledLights(runtime, device.size, params), sky))
+
+
+@pytest.mark.parametrize(("alpha", "texel"), [(1.0, 0), (0.6, 170)], ids=["texture", "texture times alpha"])
+def test_holes_that_alpha_cuts_out_let_light_through(variant_runtime: Runtime, alpha: float, texel: int) -> None:
     # A sheet above a floor, half of it cut out, is a sheet of half the size.
     floor = np.array([[-2, 0, -2], [2, 0, -2], [2, 0, 2], [-2, 0, 2]], np.float32)
     texels = np.full((8, 8, 4), 255, np.uint8)
-    texels[:, 4:, 3] = 0
+    texels[:, 4:, 3] = texel  # .6 times 170 of 255 is .4, and of the mean of 170 and 255 it is .5
     maps = []
     for right, textures in ((1.0, (texels,)), (0.0, ())):
         sheet = np.array([[-1, 1, -1], [right, 1, -1], [right, 1, 1], [-1, 1, 1]], np.float32)
@@ -251,7 +266,7 @@ def test_holes_that_alpha_cuts_out_let_light_through(variant_runtime: Runtime) -
             colors=np.ones((8, 3), np.float32), textures=textures,
             triangles=np.int32([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]]),
             material_ids=np.int32([0, 0, 1, 1]),
-            materials=(Material(), Material(texture=0, alpha_cutoff=0.5) if textures
+            materials=(Material(), Material(texture=0, alpha=alpha, alpha_cutoff=0.5) if textures
                        else Material()),
         )  # fmt: skip
         maps.append(_maps(variant_runtime, scene)[0])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ssgi_cl.core.gbuffer import GBuffer
-from ssgi_cl.core.scene import Scene, mean_emission
+from ssgi_cl.core.scene import Scene
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
 
 LIFT = 1e-4
@@ -51,7 +51,7 @@ def _edge(a: Doubles, b: Doubles, normal: Doubles) -> Doubles:
 def area_lights_reference(gbuffer: GBuffer, scene: Scene, side: int = 8) -> Doubles:
     """Return irradiance [rows, columns, 3] in W/m^2 by the emissive surfaces of a scene.
 
-    Rays go to side^2 points of each emissive triangle, the middles of equal parts.
+    Rays go to side^2 points of each emissive triangle, the middles of equal parts. No emission is textured.
     """
     at, normal, there = receivers(gbuffer, scene)
     corners = scene.positions[scene.triangles].astype(np.float64)
@@ -62,7 +62,7 @@ def area_lights_reference(gbuffer: GBuffer, scene: Scene, side: int = 8) -> Doub
     total = np.zeros((len(at), 3))
     for number in range(len(corners)):
         material = scene.materials[scene.material_ids[number]]
-        light = mean_emission(scene, material) * material.emits
+        light = np.array(material.emission)
         if not light.any():
             continue
         for u, v in _middles(side):

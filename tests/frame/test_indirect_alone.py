@@ -57,14 +57,16 @@ def blocks(values: NDArray[np.float64]) -> NDArray[np.float64]:
 def test_light_of_surfaces_is_as_near_to_paths_as_it_was(runtime: Runtime, name: str) -> None:
     room, today = make_scene(name), ROOMS[name]
     camera, lights = room.camera(64, 48), room.own_lights
-    frame = gi.render(room.scene, camera, lights, outputs=("indirect", "ao", "gbuffer"), runtime=runtime)
+    frame = gi.render(room.scene, camera, lights, outputs=("radiance", "indirect", "ao", "gbuffer"), runtime=runtime)
     seen = frame.gbuffer
     assert seen is not None
-    assert frame.ao is not None
-    assert frame.indirect is not None
-    reflected = (
-        np.asarray(seen.albedo, np.float64) / np.pi * np.minimum(2.0 * frame.ao, 1.0)[..., None] * frame.indirect
-    )
+    if lights:
+        assert frame.ao is not None
+        assert frame.indirect is not None
+        gaps = np.minimum(2.0 * frame.ao, 1.0)[..., None]
+        reflected = np.asarray(seen.albedo, np.float64) / np.pi * gaps * frame.indirect
+    else:  # all light is that of surfaces, whichever pass adds it
+        reflected = frame.radiance.astype(np.float64)
     every = gi.truth.radiance(room.scene, camera, lights, PATHS).mean.astype(np.float64)
     straight = gi.truth.radiance(room.scene, camera, lights, PATHS, 0).mean if lights else 0.0
     # Of matt surfaces that do not emit: lobes are a pass of their own.

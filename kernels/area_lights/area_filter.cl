@@ -23,9 +23,10 @@
 #error "AREA_CHANNELS, AREA_ADDS and AREA_REACH must be defined by the host"
 #endif
 
-#define AREA_PART 0.5f      // of a penumbra's width: the radius that samples are taken from
-#define AREA_LOOK 6         // pixels to either side where blockers are looked for
-#define AREA_STRIDE 3       // of which are looked at
+#define AREA_PART 0.5f // of a penumbra's width: the radius that samples are taken from
+// Pixels between those, two to either side, where blockers are looked for: as far as samples reach.
+#define AREA_STRIDE ((AREA_REACH + 1) / 2)
+#define AREA_LOOK (2 * AREA_STRIDE)
 #define AREA_OFF_PLANE 0.2f // of the radius
 
 __kernel void area_filter(ssgi_plane depth, ssgi_plane normal, ssgi_plane sampled, ssgi_plane light,

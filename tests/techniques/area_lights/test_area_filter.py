@@ -26,7 +26,7 @@ def share(
     turned: bool = False,
     farther: float = 0.0,
     bits: int = 3,
-    open_cells: slice | None = None,
+    open_cells: tuple[slice, slice] | None = None,
 ) -> NDArray[np.float32]:
     """Return [ROWS, COLUMNS] the share of light that arrives: rays of the left half are blocked, of the right half not.
 
@@ -36,7 +36,7 @@ def share(
         turned: whether the right half is at right angles to the left.
         farther: by how much the right half lies farther away, scene units.
         bits: of all cells.
-        open_cells: columns of cells whose bits are 2 in their place.
+        open_cells: rows and columns of cells whose bits are 2 in their place.
     """
     camera = Camera.orthographic((0, 0, 0), (0, 0, -1), view_height=1.0, width=COLUMNS, height=ROWS)
     right = np.arange(COLUMNS) >= MIDDLE
@@ -48,7 +48,7 @@ def share(
     sampled = np.stack([ones * right, ones, ones * width * ~right, ones * ~right]).astype(np.float32)
     cells = np.full((-(-ROWS // AREA_CELL_ROWS), -(-COLUMNS // AREA_CELL_COLUMNS)), bits, np.int32)
     if open_cells is not None:
-        cells[:, open_cells] = 2
+        cells[open_cells] = 2
 
     def plane(values: NDArray[np.float32]) -> Plane:
         made = runtime.plane(len(values), (ROWS, COLUMNS))
@@ -96,6 +96,9 @@ def test_where_all_rays_about_agree_the_share_is_0_or_1(runtime: Runtime) -> Non
     assert (share(runtime, bits=2) == 1.0).all()
     assert (share(runtime, bits=0) == 1.0).all()
     # The cells beside those that disagree count as they do; one further they are on their own.
-    row = share(runtime, open_cells=slice(2, 4))[ROWS // 2]
+    row = share(runtime, open_cells=(slice(None), slice(2, 4)))[ROWS // 2]
     assert row[AREA_CELL_COLUMNS * 3 - 1] == row[AREA_CELL_COLUMNS * 3] == 1.0
     assert 0.0 < row[MIDDLE] < 1.0
+    column = share(runtime, open_cells=(slice(0, 2), slice(None)))[:, MIDDLE]
+    assert (column[:AREA_CELL_ROWS] == 1.0).all()
+    assert (column[AREA_CELL_ROWS:] < 1.0).all()

@@ -120,7 +120,9 @@ def test_what_is_below_the_horizon_does_not_count(rng: np.random.Generator) -> N
 @pytest.mark.parametrize("kind", ["perspective", "orthographic"])
 @pytest.mark.parametrize("origin", [(0, 0, 0), (4000.0, -300.0, 70.0)])
 def test_light_that_nothing_blocks_is_that_of_the_polygon(runtime: Runtime, kind: str, origin: ArrayLike) -> None:
-    scene = scene_of(ROOM, origin=origin)
+    # The horizon of the ramp goes through the panel.
+    ramp = ((-2.0, 0.0, -1.9), (0.0, 0.0, 3.8), (0.5, 0.5, 0.0))
+    scene = scene_of([*ROOM, (ramp, MATT)], origin=origin)
     camera = camera_of(kind, origin)
     seen = drawn(scene, camera, runtime=runtime)
     at, normal, there = receivers(seen, scene)
@@ -131,8 +133,14 @@ def test_light_that_nothing_blocks_is_that_of_the_polygon(runtime: Runtime, kind
         (at[:, 1] < 1.9994)[:, None] * np.maximum(polygon_irradiance(corners, at, normal), 0.0)[:, None] * LIGHT
     )
     found = lit(runtime, scene, camera)
+    on_ramp = np.zeros(seen.size, bool)
+    on_ramp[there] = (np.abs(at[:, 1] - at[:, 0] - 2.0) < 1e-3) & (at[:, 0] > -1.99)
+    behind = np.zeros(seen.size, bool)  # the ramp may be in its way
+    behind[there] = (at[:, 0] < -1.4) & (at[:, 1] < 1.0)
+    known = on_ramp | ~behind
+    assert np.count_nonzero(on_ramp & (right[..., 0] > 0.01)) > 15
     # float32, of angles down to .01 from cross products of lengths of 3; depth is off by 1e-6 of itself.
-    np.testing.assert_allclose(found, right, atol=2e-4 * right.max())
+    np.testing.assert_allclose(found[known], right[known], atol=2e-4 * right.max())
     assert np.count_nonzero(right[..., 0] > 0.1 * right.max()) > 1000
 
 
@@ -198,7 +206,7 @@ def test_an_emissive_mesh_of_thousands_of_triangles_is_a_few_rectangles(runtime:
     ball.apply_translation((0, 1.4, 0))
     assert len(ball.faces) > 20_000
     scene = scene_of([(FLOOR, MATT), (WALL, MATT)], mesh=ball, of_mesh=lamp((1, 1, 1)))
-    assert 0 < len(Emitters.of(scene)) <= MOST
+    assert len(Emitters.of(scene)) == MOST
     seen = drawn(scene, camera_of(), runtime=runtime)
     at, normal, there = receivers(seen, scene)
     found = gi.area_lights(seen, scene=scene, runtime=runtime)[there][:, 0]

@@ -221,7 +221,7 @@ def _own_terms(view: BuiltinScene, size: Size, runtime: Runtime, mode: str) -> T
         reflected = albedo / np.pi * gaps * found.indirect.astype(np.float64)
         return found.radiance - np.where(np.isfinite(depth)[..., None], reflected, 0.0)
 
-    whole, alone = dict(MODES[mode]), DIRECT_ALONE.get(mode)
+    whole, alone = {**MODES[mode], "edges": 0}, DIRECT_ALONE.get(mode)
     direct = {
         term: unreflected(*part, whole) if alone is None else made(*part, {**whole, **alone})
         for term, part in _parts(view).items()
@@ -231,7 +231,8 @@ def _own_terms(view: BuiltinScene, size: Size, runtime: Runtime, mode: str) -> T
     once = every
     if mode not in DIRECT_ALONE:  # which has no later bounces
         once = made(view.scene, view.own_lights, {**whole, **ONE_BOUNCE})
-    return {**direct, FIRST: once - straight, LATER: every - once, EDGES: np.zeros_like(every)}
+    smooth = made(view.scene, view.own_lights, dict(MODES[mode]))
+    return {**direct, FIRST: once - straight, LATER: every - once, EDGES: smooth - every}
 
 
 def told(terms: list[Replaced]) -> str:

@@ -8,9 +8,11 @@
 // Writes:  cursors   [2][tile count] the first moved on; see raster_scan
 //          list      record numbers; at most params.pair_capacity
 //          counters  read only
+// Macros:  RASTER_SPREAD, see bounds.clh
 // Params:  size = (work-items, 1)
 // Launch:  any number of work-items; each takes a run of records, which lie close together
 
+#include "raster/bounds.clh"
 #include "raster/covered.clh"
 #include "raster/records.clh"
 

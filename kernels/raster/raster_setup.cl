@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// raster_setup: triangles to records; those that cover no pixel centre end here.
+// raster_setup: triangles to records; those that cover no place that is sampled end here.
 //
 // Triangles that reach behind the near plane or far beyond the image are clipped. An edge is cut
 // from its lexicographically lesser end, so both triangles that share it get the same new vertex.
@@ -18,7 +18,7 @@
 //                    those of the tile alone
 //          counters  RASTER_RECORDS
 // Macros:  RASTER_BOXED: triangles per box; RASTER_RUN: per work-item, of which a box holds a whole
-//          number, a multiple of the lanes
+//          number, a multiple of the lanes; RASTER_SPREAD, see bounds.clh
 // Params:  size = (triangles, 1); near plane; camera
 // Launch:  a work-item for each run
 

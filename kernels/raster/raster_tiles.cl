@@ -14,28 +14,21 @@
 // Writes:  depths, triangles  [tile count][32][32] D, and the number or -1
 // Macros:  RASTER_PEEL (0, 1), RASTER_CUTOUT (0, 1), RASTER_WIDE, RASTER_HIGH: pixels of a
 //          work-item's rectangle, of which a tile holds a whole number, RASTER_WIDE a multiple of
-//          the lanes
+//          the lanes; RASTER_SPREAD: 0
 // Params:  size = image
 // Launch:  a work-item for each rectangle of each tile of the image
 
 #include "common/camera.clh"
 #include "raster/edges.clh"
+#include "raster/holes.clh"
 #include "raster/quads.clh"
 #include "raster/records.clh"
-#include "raster/texture.clh"
-#include "raster/linear.clh"
+#include "raster/rectangle.clh"
 
 #if !defined(RASTER_PEEL) || !defined(RASTER_CUTOUT) || !defined(RASTER_WIDE) ||                   \
     !defined(RASTER_HIGH)
 #error "RASTER_PEEL, RASTER_CUTOUT, RASTER_WIDE and RASTER_HIGH must be defined by the host"
 #endif
-
-// A work-item's rectangle of pixels, inclusive and cut off at the image's end.
-typedef struct {
-    int left, top, right, bottom;
-    int tile;
-    int corner; // index of the first pixel in `depths` and `triangles`
-} RasterRectangle;
 
 // What depends on a pixel's own column or row alone, not on where lanes begin.
 typedef struct {
@@ -61,26 +54,6 @@ typedef struct {
     float low[SSGI_LANES], high[SSGI_LANES];                 // of D
     int kept[SSGI_LANES], count;                             // lanes whose record may cover a pixel
 } RasterBatch;
-
-// The holes of a triangle.
-typedef struct {
-    int cutout;              // material of a triangle with holes, or -1
-    RasterLinear u_of, v_of; // texture coordinates
-    __global const float *material;
-} RasterHoles;
-
-static inline RasterRectangle raster_rectangle(const int2 size, const RasterView view)
-{
-    RasterRectangle at;
-    at.left = (int)get_global_id(0) * RASTER_WIDE;
-    at.top = (int)get_global_id(1) * RASTER_HIGH;
-    at.right = min(at.left + RASTER_WIDE, size.x) - 1;
-    at.bottom = min(at.top + RASTER_HIGH, size.y) - 1;
-    at.tile = at.top / RASTER_TILE * view.tiles_x + at.left / RASTER_TILE;
-    at.corner = at.tile * RASTER_TILE * RASTER_TILE + (at.top & (RASTER_TILE - 1)) * RASTER_TILE +
-                (at.left & (RASTER_TILE - 1));
-    return at;
-}
 
 // Nothing is seen so far.
 static inline void raster_clear(const int corner, __global float *restrict depths,
@@ -182,42 +155,6 @@ static inline void raster_widen(__global const int *restrict records, const int 
     batch->ca.at[n] = raster_edge(record.v[2], record.v[0], x, y);
 }
 
-static inline RasterHoles raster_holes(const int number, __global const int *restrict corners,
-                                       __global const float *restrict positions_view,
-                                       __global const float *restrict uvs,
-                                       __global const int *restrict cutouts,
-                                       __global const float *restrict materials,
-                                       const RasterView view)
-{
-    RasterHoles holes = {-1, {(float3)(0.0f), 0.0f}, {(float3)(0.0f), 0.0f}, materials};
-    if (RASTER_CUTOUT) {
-        holes.cutout = cutouts[number];
-    }
-    if (holes.cutout >= 0) {
-        const int a = corners[number];
-        const int b = corners[view.triangle_stride + number];
-        const int c = corners[2 * view.triangle_stride + number];
-        const int stride = view.vertex_stride;
-        holes.u_of = raster_linear(positions_view, stride, uvs, a, b, c);
-        holes.v_of = raster_linear(positions_view, stride, uvs + stride, a, b, c);
-        holes.material = materials + holes.cutout * RASTER_MATERIAL;
-    }
-    return holes;
-}
-
-// Lanes that see no hole of the triangle, at these columns of a row of this slope.
-static inline vmask raster_solid(const RasterHoles *holes, const RasterTextures of,
-                                 const SsgiCamera camera, const vfloat column, const float slope,
-                                 const vfloat d)
-{
-    const vfloat slope_x = ssgi_slope_x(camera, column);
-    const vfloat u = raster_linear_at(camera, holes->u_of, slope_x, slope, d);
-    const vfloat v = raster_linear_at(camera, holes->v_of, slope_x, slope, d);
-    __global const float *material = holes->material;
-    const vfloat alpha = raster_texture_alpha(of, (int)material[3], u, v) * material[4];
-    return v_ge(alpha, v_splat(material[5]));
-}
-
 // Draw record number `n` of a batch, pixels a lane each.
 static inline void raster_draw(const RasterBatch *batch, const int n, const RasterHoles *holes,
                                const RasterTextures of, const RasterPixels *pixels,
@@ -249,7 +186,7 @@ static inline void raster_draw(const RasterBatch *batch, const int n, const Rast
                                           v_splat(-view.peel_more)));
             }
             if (holes->cutout >= 0 && v_any(hit)) {
-                hit = hit & raster_solid(holes, of, camera, column, slope, d);
+                hit = hit & raster_solid(holes, of, camera, column, v_splat(slope), d);
             }
             v_store(v_select(nearest, d, hit), depths + pixel);
             v_istore(v_iselect(winner, v_splat_int(number), hit), triangles + pixel);

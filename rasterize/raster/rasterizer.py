@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,17 +22,22 @@ from ssgi_cl.rasterize.raster.tile_regions import busy_region, widened
 
 TILE = RASTER_TILE
 RECORD = RASTER_RECORD
+LANES = 8
+"""Of kernels that draw, at most."""
+SUBPIXELS = 256
+"""Steps of a pixel in which places within it are given, see kernels/raster/records.clh."""
 LEAST_VERTICES = 1 << 20
 """Bytes that are reserved for the vertices of a scene, however few there are."""
 
 
 @dataclass(frozen=True, eq=False)
-class _Visible:
+class Visible:
     """The visibility buffer of an image.
 
     Attributes:
-        triangles: the number of the triangle in each pixel.
-        depths: the values that the depth test compares, None of an image that is shaded at once.
+        triangles: the number of the triangle in each pixel, or -1; in tiles, see kernels/raster/records.clh.
+        depths: the values that the depth test compares, 1 / depth or, orthographic, -depth, and -INFINITY where
+            nothing is; None of an image that is shaded at once.
         camera, view: the structs that it was drawn with.
     """
 
@@ -59,9 +65,13 @@ class Rasterizer:
         world: of the target.
         matt: whether albedo has the reflectance of lobes in it, for what draws no lobes.
         lobes: whether the target gets what its front layer mirrors.
+        places: (right, down) from the centre of a pixel in steps of 1/256, at most half a pixel, at which `sampled`
+            draws; without, it may not be called.
 
     Attributes:
         target: the device G-buffer that it draws into.
+        stride: number of places that `sampled` draws, a multiple of `LANES`.
+        places: [2 stride] int32, their steps right of the centre, and those below it; None without any.
     """
 
     def __init__(
@@ -77,9 +87,14 @@ class Rasterizer:
         world: WorldNormals = "kept",
         matt: bool = False,
         lobes: bool = False,
+        places: Sequence[tuple[int, int]] = (),
     ) -> None:
         self.runtime = runtime
         self.matt, self.lobes, self.shaded, self.regions = matt, lobes, shaded, regions
+        self.stride = -(-len(places) // LANES) * LANES
+        steps = [*places, *[places[0] for _ in range(self.stride - len(places))]]
+        self.places = runtime.array(np.array(steps, np.int32).reshape(-1, 2).T.ravel()) if places else None
+        self._spread = {"RASTER_SPREAD": int(np.abs(places).max(initial=0))}
         if max(size[0] + 2 * margin[0], size[1] + 2 * margin[1]) > LARGEST_SIZE:
             raise ValueError(
                 f"size is {size} and margin {margin} (rows, columns): expected at most "
@@ -96,7 +111,7 @@ class Rasterizer:
         self._cursors = runtime.empty(2 * count, np.int32)
         self._counters = runtime.array(np.zeros(RASTER_COUNTERS, np.int32))
         self._pixels = count * TILE * TILE
-        self._visible: _Visible | None = None
+        self._visible: Visible | None = None
         self._capacity = 1 << 15
         self._pair_capacity = 1 << 16
         self._reserve(LEAST_VERTICES)
@@ -108,9 +123,11 @@ class Rasterizer:
         self._run = runtime.variant.lanes if parallel else BOXED
         kernel = runtime.kernel
         self._vertices = kernel("raster/raster_vertices.cl", structs=STRUCTS)
-        self._setup = kernel("raster/raster_setup.cl", {"RASTER_BOXED": BOXED, "RASTER_RUN": self._run}, STRUCTS)
+        self._setup = kernel(
+            "raster/raster_setup.cl", {"RASTER_BOXED": BOXED, "RASTER_RUN": self._run, **self._spread}, STRUCTS
+        )
         self._scan = kernel("raster/raster_scan.cl", structs=STRUCTS)
-        self._fill = kernel("raster/raster_fill.cl", structs=STRUCTS)
+        self._fill = kernel("raster/raster_fill.cl", self._spread, STRUCTS)
 
     def render(self, scene: DeviceScene, camera: Camera, *, behind: DeviceArray | None = None) -> DeviceGBuffer:
         """Draw the scene as the camera sees it and return the target.
@@ -122,26 +139,49 @@ class Rasterizer:
         were too small they grow, and it begins again. The size of the lists stays for the next
         frame, so a steady frame allocates nothing.
         """
-        if camera.size != self.target.size:
-            raise ValueError(f"camera has size {camera.size} (rows, columns): expected {self.target.size}")
-        self.target.set_camera(camera)
+        lists = self._sorted(scene, camera)
         self.target.has_facets = True
         self.target.emits = scene.emits and self.shaded
         self.target.mirrors = scene.glossy and self.lobes
+        self._visible = self._draw(scene, camera, lists, behind)
+        return self.target
+
+    def sampled(self, scene: DeviceScene, camera: Camera) -> Visible:
+        """Draw what is seen at the places of all pixels; nothing is shaded.
+
+        Args:
+            scene, camera: as of `render`; the image has no margin.
+
+        Returns:
+            Triangles and depths of each place of a pixel, one after the other; as many are there as a multiple of
+            `LANES` has, of which those beyond the places are repetitions of the first.
+        """
+        lists = self._sorted(scene, camera)
+        array, count = self.runtime.transient.array, self._pixels * self.stride
+        depths, triangles = array(count, np.float32), array(count, np.int32)
+        view, packed_camera = self._view_values(scene, camera), CAMERA.pack(camera_values(camera))
+        visible = Visible(triangles, depths, packed_camera, view)
+        macros = {"RASTER_STRIDE": self.stride, **self._spread}
+        self._run_tiles("raster/raster_places.cl", macros, scene, lists, visible, depths, places=self.places)
+        return visible
+
+    def _sorted(self, scene: DeviceScene, camera: Camera) -> _Lists:
+        """Return the lists of a scene, as the camera sees it, for all tiles."""
+        if camera.size != self.target.size:
+            raise ValueError(f"camera has size {camera.size} (rows, columns): expected {self.target.size}")
+        self.target.set_camera(camera)
         self.release()
         while True:
             lists = self._lists(scene)
             self._sort(scene, camera, lists)
             records, pairs = self._counters.download().tolist()
             if records <= self._capacity and pairs <= self._pair_capacity:
-                break
+                return lists
             # The pairs of records that found no room were not counted: leave room for theirs.
             share = max(1.0, records / self._capacity)
             self._capacity = max(self._capacity, records + records // 4)
             self._pair_capacity = max(self._pair_capacity, int(pairs * share) + pairs // 4)
             del lists
-        self._visible = self._draw(scene, camera, lists, behind)
-        return self.target
 
     def release(self) -> None:
         """Give the memory of what the `write_` methods read to others."""
@@ -217,7 +257,7 @@ class Rasterizer:
         specular: Plane,
         gloss: Plane,
         *,
-        visible: _Visible | None = None,
+        visible: Visible | None = None,
         region: Region | None = None,
     ) -> None:
         """Queue the pass that writes the Phong lobes of the last layer of the image drawn last.
@@ -244,8 +284,9 @@ class Rasterizer:
         """Reserve what a frame needs until its pixels are drawn, for so many bytes of vertices."""
         target = self.target
         passing = self.shaded and target.world == "until released"
+        images = 2 * self.stride if self.stride else 1 + min(target.layers, 2)
         self.runtime.transient.reserve(
-            4 * self._pixels * (1 + min(target.layers, 2))
+            4 * self._pixels * images
             + vertices
             + 4 * (self._capacity * (RECORD + 2) + self._pair_capacity)
             + (plane_bytes(3 * target.attributes, target.whole) if passing else 0)
@@ -320,7 +361,7 @@ class Rasterizer:
         counts = np.diff(self._starts.download()).reshape(self._tiles)
         return [busy_region(counts > layer, self.target.whole, self.runtime.variant.lanes) for layer in layers]
 
-    def _draw(self, scene: DeviceScene, camera: Camera, lists: _Lists, behind: DeviceArray | None) -> _Visible | None:
+    def _draw(self, scene: DeviceScene, camera: Camera, lists: _Lists, behind: DeviceArray | None) -> Visible | None:
         """Queue the passes that draw pixels; return what they show unless they are shaded."""
         target, whole = self.target, self.target.whole
         values = self._view_values(scene, camera)
@@ -334,47 +375,17 @@ class Rasterizer:
         # A deeper layer begins behind the one before.
         depths = [array(self._pixels, np.float32) for _ in range(min(target.layers, 2))]
         seen = array(self._pixels, np.int32)
-        high, wide = self._rectangle
         for layer, region in enumerate(regions):
-            tiles = self.runtime.kernel(
-                "raster/raster_tiles.cl",
-                {
-                    "RASTER_PEEL": int(layer > 0 or behind is not None),
-                    "RASTER_CUTOUT": int(scene.has_cutouts),
-                    "RASTER_WIDE": wide,
-                    "RASTER_HIGH": high,
-                },
-                STRUCTS,
-                most_lanes=8,  # few triangles are wider; 1.5 to 2 times faster than 16 on a CPU
-            )
             shaded = layer < target.attributes
             view = {**values, "layer": layer}
             now, before = depths[layer % 2], depths[layer % 2 - 1]
             before = behind if layer == 0 and behind is not None else before
-            visible = _Visible(seen, None if self.shaded else now, packed_camera, view)
+            visible = Visible(seen, None if self.shaded else now, packed_camera, view)
             # What was seen there before is to be cleared.
             with target.previous_regions[layer].over(region, scene.emits) as over:
                 over = None if over is None else widened(over, whole, self.runtime.variant.lanes)
-                tiles.run(
-                    whole,
-                    grid=(self._tiles[0] * TILE // high, self._tiles[1] * TILE // wide),
-                    local=self._group,
-                    region=over,
-                    cell=self._rectangle,
-                    records=lists["records"],
-                    starts=self._starts,
-                    list=lists["list"],
-                    previous=before,
-                    corners=scene.corners,
-                    positions_view=lists["view"],
-                    uvs=scene.uvs,
-                    cutouts=scene.cutouts,
-                    depths=now,
-                    triangles=seen,
-                    camera=packed_camera,
-                    view=VIEW.pack(view),
-                    **_materials(scene),
-                )
+                peel = {"RASTER_PEEL": int(layer > 0 or behind is not None), "RASTER_SPREAD": 0}
+                self._run_tiles("raster/raster_tiles.cl", peel, scene, lists, visible, now, over, previous=before)
                 if late:
                     lists.clear()
                     if self.shaded:
@@ -387,12 +398,48 @@ class Rasterizer:
                     self.write_gloss(1, scene, target.specular, target.gloss, visible=visible, region=over)
         return None
 
+    def _run_tiles(
+        self,
+        path: str,
+        macros: dict[str, int],
+        scene: DeviceScene,
+        lists: _Lists,
+        visible: Visible,
+        depths: DeviceArray,
+        region: Region | None = None,
+        **more: DeviceArray | None,
+    ) -> None:
+        """Queue the pass that fills the triangles of a visibility buffer, and `depths`."""
+        high, wide = self._rectangle
+        extent = {"RASTER_WIDE": wide, "RASTER_HIGH": high, "RASTER_CUTOUT": int(scene.has_cutouts)}
+        # Few triangles are wider than 8 lanes: 1.5 to 2 times faster than 16 on a CPU.
+        self.runtime.kernel(path, {**macros, **extent}, STRUCTS, most_lanes=LANES).run(
+            self.target.whole,
+            grid=(self._tiles[0] * TILE // high, self._tiles[1] * TILE // wide),
+            local=self._group,
+            region=region,
+            cell=self._rectangle,
+            records=lists["records"],
+            starts=self._starts,
+            list=lists["list"],
+            corners=scene.corners,
+            positions_view=lists["view"],
+            uvs=scene.uvs,
+            cutouts=scene.cutouts,
+            depths=depths,
+            triangles=visible.triangles,
+            camera=visible.camera,
+            view=VIEW.pack(visible.view),
+            **more,
+            **_materials(scene),
+        )
+
     def _write_attributes(
         self,
         step: int,
         scene: DeviceScene,
         target: DeviceGBuffer,
-        visible: _Visible,
+        visible: Visible,
         *,
         emission: bool,
         shaded: bool = True,
@@ -418,7 +465,7 @@ class Rasterizer:
         )
 
     @property
-    def _last_visible(self) -> _Visible:
+    def _last_visible(self) -> Visible:
         assert self._visible is not None  # noqa: S101  an image was drawn that is not shaded
         return self._visible
 

@@ -39,7 +39,7 @@ _GROUPS = {
         *("ambient", "environment", "bounces", "ao", "ao_radius", "ao_samples"),
         *("indirect", "method", "vpls", "glossy_vpls", "indirect_ao"),
     ),
-    "Quality": ("preset", "layers", "auxiliary_cameras", "shadow_size", "rsm_size", "no_skips"),
+    "Quality": ("preset", "edges", "layers", "auxiliary_cameras", "shadow_size", "rsm_size", "no_skips"),
     "Device and report": ("device", "max_memory", "explain", "as_json"),
 }
 """Headings of the help, and the options under each."""
@@ -148,6 +148,9 @@ _GROUPS = {
     default=0,
     show_default=True,
     help="Cameras that show --indirect ssdo what the camera misses.",
+)
+@click.option(
+    "--edges", type=int, help="Places of each pixel that smooth edges, 0 for none; 7 by default in the whole picture."
 )
 @click.option("--shadow-size", type=int, default=1024, show_default=True, help="Texels along a shadow map's side.")
 @click.option(

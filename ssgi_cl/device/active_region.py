@@ -63,6 +63,12 @@ class Region:
         end = min(self.end[0] - margin[0], size[0]), min(self.end[1] - margin[1], size[1])
         return Region.between(first, end)
 
+    def grown(self, by: int) -> Region:
+        """Return the region with so many more pixels on every side; of an empty one an empty one."""
+        if self.empty:
+            return self
+        return Region(self.row - by, self.column - by, self.rows + 2 * by, self.columns + 2 * by)
+
     def cells(self, cell: Size) -> tuple[Size, Size]:
         """Return the first cell of (rows, columns) pixels that it meets, and how many it meets."""
         first = self.row // cell[0], self.column // cell[1]

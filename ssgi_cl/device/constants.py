@@ -34,6 +34,18 @@ RASTER_RECORD = 12
 RASTER_COUNTERS = 2
 """Counters that the rasteriser's kernels share."""
 
+SMOOTH_FAR = 1e4
+"""Greatest distance from a tangent plane that counts for the score of a pixel, see kernels/filters/smooth_edges.cl;
+pixels."""
+SMOOTH_OTHER = 4.0
+"""Added to the score where the material is another: as much as so many pixels from the tangent plane."""
+SMOOTH_APART = 0.05
+"""Times the square of the distance on the screen, so that of equals the nearest is taken."""
+SMOOTH_OWN = 0.1
+"""Score up to which a pixel shows what is seen at a place within it, whatever others show."""
+SMOOTH_NEVER = 1e6
+"""Score where one shows a surface and the other none."""
+
 RSM_LEAST_COSINE = 0.1
 """A texel seen at a flatter angle stands for the area that it has at this cosine."""
 RSM_RECORD = 12

@@ -30,6 +30,9 @@ from ssgi_cl.techniques.vpl.vpl_splat import VplSplatParams
 AO_DEFAULT = "gtao"
 MOST_BOUNCES = 1000
 MOST_LAYERS = 16
+MOST_PLACES = 64
+EDGE_PLACES = 7
+"""Places of a pixel at which visibility is tested in the whole picture."""
 DEFAULT_PRESET = "high"
 
 CONTACT = 2.0
@@ -130,6 +133,7 @@ class FrameParams(Params):
         0.0, "margin of the G-buffer on every side", low=0.0, high=1.0, unit="share of the image's size"
     )
     auxiliary_cameras: int = param(0, "of 'ssdo', for surfaces that the camera misses", low=0, high=64)
+    edges: int | None = param(None, "places of each pixel that smooth edges; None: 7 in the whole picture, else 0")
     shadow_size: int = param(1024, "along the side of each shadow map", low=16, high=8192, unit="texels")
     rsm_size: int = param(
         512, "along a side that reflected light is chosen from, at most", low=16, high=8192, unit="texels"
@@ -146,6 +150,8 @@ class FrameParams(Params):
             self._set("bounces", _checked_bounces(self.bounces, 0))
         self._set("outputs", chosen_outputs(self.outputs))
         self._set("skips", chosen_skips(self.skips))
+        if self.edges is not None:
+            self._set("edges", checks.integer("edges", self.edges, low=0, high=MOST_PLACES, unit="places"))
         if self.exposure is not None:
             self._set("exposure", checks.number("exposure", self.exposure, low=0.0, above=True))
         self._check_light()
@@ -233,6 +239,13 @@ class FrameParams(Params):
         return "direct" if name is None else "ssdo" if name == "ssdo" else "one bounce"
 
     @property
+    def edge_places(self) -> int:
+        """Places of a pixel at which visibility is tested, 0 where centres alone count."""
+        if self.edges is not None:
+            return self.edges
+        return EDGE_PLACES if self.kind == "whole" else 0
+
+    @property
     def dims_indirect(self) -> bool:
         """Whether ambient occlusion dims reflected light."""
         return self.indirect_ao and self.kind in ("whole", "one bounce")
@@ -278,7 +291,7 @@ class FrameParams(Params):
         """Return all that a renderer is prepared for."""
         techniques = (None if each is None else each.shape() for each in self.techniques())
         sizes = self.layers, self.overscan, self.auxiliary_cameras, self.shadow_size, self.rsm_size
-        return self.whole, *techniques, *sizes, self.curve, self.indirect_ao, self.skips
+        return self.whole, *techniques, *sizes, self.curve, self.indirect_ao, self.skips, self.edge_places
 
 
 class FrameKeywords(TypedDict, total=False):
@@ -298,6 +311,7 @@ class FrameKeywords(TypedDict, total=False):
     layers: int
     overscan: float
     auxiliary_cameras: int
+    edges: int | None
     shadow_size: int
     rsm_size: int
     exposure: float | None

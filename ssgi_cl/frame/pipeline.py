@@ -17,6 +17,7 @@ from ssgi_cl.frame.passes.reflections import reflections
 from ssgi_cl.frame.passes.resources import DIRECT, INDIRECT, PUNCTUAL, SKY_LIGHT
 from ssgi_cl.frame.passes.shadow_maps import shadow_maps
 from ssgi_cl.frame.passes.sky_light import sky_light
+from ssgi_cl.frame.passes.smooth_edges import smooth_edges
 from ssgi_cl.frame.passes.ssdo import ssdo
 from ssgi_cl.frame.passes.surfels import surfels
 from ssgi_cl.frame.passes.tonemap import tonemap
@@ -31,6 +32,7 @@ def whole_frame(build: Build) -> list[Stage]:
         shadow_maps(build),
         surfels(build),
         *fully_lit(build),
+        *smooth_edges(build),
         blended_layers(build, fully_lit),
         *tonemap(build),
     ]
@@ -55,6 +57,7 @@ def direct_frame(build: Build) -> list[Stage]:
         *ambient_occlusion(build),
         shadow_maps(build),
         *directly_lit(build),
+        *smooth_edges(build),
         blended_layers(build, directly_lit),
         *tonemap(build),
     ]
@@ -74,6 +77,7 @@ def one_bounce_frame(build: Build) -> list[Stage]:
         direct_light(build),
         one_bounce(build),
         combine(build, DIRECT, INDIRECT, ambient=True),
+        *smooth_edges(build),
         blended_layers(build, directly_lit),
         *tonemap(build),
     ]
@@ -87,6 +91,7 @@ def ssdo_frame(build: Build) -> list[Stage]:
         shadow_maps(build),
         ssdo(build),
         combine(build, DIRECT, INDIRECT),
+        *smooth_edges(build),
         blended_layers(build, directly_lit),
         *tonemap(build),
     ]

@@ -41,6 +41,7 @@ def render(
     layers: int = 1,
     overscan: float = 0.0,
     auxiliary_cameras: int = 0,
+    edges: int | None = None,
     shadow_size: int = 1024,
     rsm_size: int = 512,
     exposure: float | None = None,
@@ -95,6 +96,10 @@ def render(
         overscan: margin of the G-buffer on every side, a share of the image's size in [0, 1].
         auxiliary_cameras: views of half the size of what the camera misses, for "ssdo", 0 to 64; up
             to half of them at spot and directional lights, see `auxiliary_cameras`.
+        edges: places of each pixel at which visibility is tested, 0 to 64, each of which has the radiance of
+            the pixel of 3 x 3 that shows its surface; the mean is that of linear radiance, and exceeds no pixel of
+            them. 0: pixel centres alone count. By default 7 in the whole picture, else 0. Radiance and image have
+            smooth edges, no other output.
         shadow_size: texels along the side of each shadow map, 16 to 8192.
         rsm_size: texels along a side that reflected light is chosen from, at most, 16 to 8192.
         exposure: factor before the tone curve; by default the log-average luminance becomes 0.18, as of

@@ -88,7 +88,7 @@ def test_surfaces_without_albedo_show_what_is_behind_them(runtime: Runtime, mode
     parts = [(0.2, -1.0, 1.0, WALL), (-0.6, 0.0, 0.6, GLASS), (0.0, 1.0, 0.5, SMOKE),
              (0.1, 2.0, 0.3, GLASS)]  # fmt: skip
     lights = [gi.Environment(SKY), gi.SpotLight((0, 0, 5), (0, 0, -1), 0.5, 1.0)]
-    found = radiance(runtime, squares(*parts), camera, lights, **MODES[mode])
+    found = radiance(runtime, squares(*parts), camera, lights, edges=0, **MODES[mode])
     expected = np.tile(np.array(SKY), (*camera.size, 1))
     for number, part in enumerate(parts):
         where = covers(camera, part)
@@ -161,8 +161,9 @@ def test_the_means_by_paths_are_those_in_use() -> None:
 
 def test_an_opaque_layer_looks_as_if_it_were_solid(runtime: Runtime) -> None:
     solid = replace(PAINTED, alpha=1.0, blends=False, alpha_cutoff=0.0)
-    found = radiance(runtime, room(replace(solid, blends=True)), VIEW, LIGHTS, ao=False, **LOW)
-    expected = radiance(runtime, room(solid), VIEW, LIGHTS, ao=False, **LOW)
+    # Edges of layers are those of pixels.
+    found = radiance(runtime, room(replace(solid, blends=True)), VIEW, LIGHTS, ao=False, edges=0, **LOW)
+    expected = radiance(runtime, room(solid), VIEW, LIGHTS, ao=False, edges=0, **LOW)
     # The gather's own error is 15 % of the mean; both choose where to compute.
     assert np.abs(found - expected).mean() < 0.02 * expected.mean()
 

@@ -100,6 +100,7 @@ SMALL = {
     "layers": ("1", "2"),
     "glossy_vpls": ("0", "8"),
     "auxiliary_cameras": ("0", "1"),
+    "edges": ("0", "1", "8"),
     "sizes": ("16x12", "0x0", "axb"),
     "seconds": ("0.01", "0"),
     "lanes": ("1", "8", "16", "3"),

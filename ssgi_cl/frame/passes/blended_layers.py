@@ -24,7 +24,8 @@ def blended_layers(build: Build, lit: Callable[[Build], Sequence[Stage]]) -> Sta
     """
     runtime, size = build.runtime, build.size
     whole = build.params.kind == "whole"
-    behind = of.GLOSSY if whole else of.MATT
+    lit_layer = build.lit
+    behind = of.SMOOTH if build.params.edge_places else lit_layer
     scene_light = (of.CASTING, of.SURFELS, of.LIGHT_VOLUME) if whole else ()
     shared = (of.LIGHTS, of.SHADOWS, of.SKY, of.MULTI_BOUNCE, *scene_light)
     hints = (of.RSM,) if whole else ()
@@ -48,7 +49,7 @@ def blended_layers(build: Build, lit: Callable[[Build], Sequence[Stage]]) -> Sta
         found = False
         for layer in layers.drawn(device_scene(part, runtime), r[of.CAMERA], r[of.GBUFFER]):
             values = run_in_order(passes, {**given, of.GBUFFER: layer})
-            blend(int(found), values[behind], over, through, opacity=layer.opacity, transmitted=layer.transmitted)
+            blend(int(found), values[lit_layer], over, through, opacity=layer.opacity, transmitted=layer.transmitted)
             found = True
         if found:
             blend(2, radiance, over, through)

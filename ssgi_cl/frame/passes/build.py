@@ -6,9 +6,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
+from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import Size
+from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.params import FrameParams, WholeFrameParams
+from ssgi_cl.frame.passes.resources import GLOSSY, MATT
 from ssgi_cl.rasterize.raster.rasterizer import Rasterizer
 from ssgi_cl.techniques.direct.shade import Shade
 from ssgi_cl.techniques.ssdo.ssdo import Ssdo
@@ -38,6 +41,17 @@ class Build:
     def margin(self) -> Size:
         """(rows, columns) by which the G-buffer exceeds the picture on every side."""
         return self.params.margin(self.size)
+
+    @property
+    def lit(self) -> str:
+        """The resource that has all light of the surfaces of a G-buffer."""
+        return GLOSSY if self.params.kind == "whole" else MATT
+
+    def varied(self, gbuffer: DeviceGBuffer) -> Region | None:
+        """Return the pixels outside of which the picture is the same everywhere; None if it is nowhere."""
+        seen = self.shade.seen(gbuffer)
+        # A pixel beside it may show what is seen in it.
+        return seen.grown(1).inside(self.size) if seen is not None and self.params.edge_places else seen
 
     @cached_property
     def techniques(self) -> tuple[Any, Any]:

@@ -2,10 +2,10 @@
 // reflect_add: mean of the light within the lobes of 5 x 5 pixels, REFLECT_STRIDE apart; with
 // REFLECT_LAST the part that the lobe reflects is added to radiance.
 //
-// Pixels at the sides count half and those at the corners a quarter, so that each of the 16 sets of
-// rays counts alike; those of other surfaces do not count. A second pass takes means of means
-// further apart (Dammertz et al. 2010, "Edge-avoiding a-trous wavelet transform"), but of sharp
-// lobes.
+// Pixels at the sides count half and those at the corners a quarter, so that each of the 16 x 16
+// sets of rays counts alike; those of other surfaces do not count. A second pass takes means of
+// means further apart (Dammertz et al. 2010, "Edge-avoiding a-trous wavelet transform"), but of
+// sharp lobes.
 //
 // Reads:   linear, normal, albedo, specular, gloss  with margin
 //          reflected 3 x [rows, columns] W m^-2 sr^-1, see reflect_trace
@@ -16,6 +16,7 @@
 
 #include "common/phong.clh"
 #include "common/surface.clh"
+#include "reflections/pattern.clh"
 
 // The struct ReflectParams is generated from ssgi_cl.techniques.reflections.reflections.
 
@@ -24,7 +25,6 @@
 #endif
 
 #define REFLECT_WIDE 2
-#define REFLECT_SHARP 1000.0f   // gloss from which on a second pass takes the pixel alone
 #define REFLECT_OFF_PLANE 50.0f // depth over the least distance from the tangent plane left out
 #define REFLECT_TURNED 20.0f    // likewise 1 / (1 - cosine of normals)
 #define REFLECT_GLOSS 0.02f     // difference of gloss up to which surfaces are the same

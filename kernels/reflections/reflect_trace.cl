@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT
-// reflect_trace: mean radiance that arrives within the lobes of pixels, of a sixteenth of a lobe's
-// rays each.
+// reflect_trace: mean radiance that arrives within the lobes of pixels, of some of a lobe's rays
+// each.
 //
 // Method:  a ray that meets what the image shows takes the radiance of that pixel, with what its
 //          lobe reflects spread all ways; one that leaves the occupancy grid, that of environments;
 //          any other, that of a volume of what surfaces send. Rays are distributed as the lobe; of
-//          4 x 4 pixels each has others (Keller and Heidrich 2001, "Interleaved Sampling").
+//          16 x 16 pixels each has others (Keller and Heidrich 2001, "Interleaved Sampling").
 // Reads:   linear, normal, albedo, specular, gloss  with margin
 //          radiance  3 x [rows, columns] W m^-2 sr^-1, without lobes
 //          light     3 x [rows, columns] irradiance / pi
@@ -18,6 +18,7 @@
 // Launch:  SSGI_LANES pixels of a row per work-item
 
 #include "common/phong.clh"
+#include "reflections/pattern.clh"
 #include "reflections/sky.clh"
 #include "reflections/trace.clh"
 #include "reflections/volume.clh"
@@ -132,7 +133,7 @@ reflect_trace(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo, ssgi_plan
     const float per = params.per_unit;
     const OccupancyCell from =
         occupancy_cell(px * per, py * per, -depth * per, nx, ny, nz, grid_box);
-    const vint tile = ((v_iota() + x) & 3) + 4 * (y & 3);
+    const vint tile = reflect_number(v_iota() + x, y, lobe.gloss);
     for (int ray = 0; ray < REFLECT_RAYS; ++ray) {
         const vfloat number = v_to_float(tile * REFLECT_RAYS + ray) + 0.5f;
         const SsgiWay way = reflect_way(&lobe, mirrored, reflect_fraction(number * REFLECT_FIRST),

@@ -16,7 +16,7 @@ Mask = NDArray[np.bool_]
 
 HALVINGS, NEAREST, ROUNDING = 5, 0.02, 1e-4
 SHARP = 1000.0
-"""See kernels/reflections/trace.clh."""
+"""See kernels/reflections/trace.clh and pattern.clh."""
 FIRST, SECOND, THIRD = 0.7548776662, 0.5698402910, 0.8191725134
 """Steps of the rays' numbers, see kernels/reflections/reflect_trace.cl."""
 
@@ -156,7 +156,8 @@ def arriving_reference(
     start = at + n * k * max(abs(sx), abs(sy))
     total = np.zeros((len(row), 3))
     meets = np.zeros(len(row), np.bool_)
-    tile = (column & 3) + 4 * (row & 3)
+    square = np.where(gloss < SHARP, (column >> 2 & 3) + 4 * (row >> 2 & 3), 0)
+    tile = (column & 3) + 4 * (row & 3) + 16 * square
     spread = np.where(glossy[..., None], lobes.specular, 0.0)
     for ray in range(rays):
         number = tile * rays + ray + 0.5

@@ -153,6 +153,49 @@ def test_the_sky_is_round_at_its_seam(runtime: Runtime) -> None:
     np.testing.assert_allclose(found[there], expected[there], rtol=0, atol=0.02)
 
 
+def panel_in_a_floor() -> tuple[GBuffer, Doubles, NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return what is seen of a wall and a floor, positions, what is wall, and what of it shines: .8 x .6 units."""
+    made = camera("perspective", (360, 480), eye=(0.0, 1.2, 4.5), target=(0.0, 0.5, -1.0))
+    seen = trace(made, [Plane((0, 0, -1.5), (0, 0, 1)), Plane((0, -0.3, 0), (0, 1, 0))])
+    position = made.unproject(np.asarray(seen.depth))
+    wall = position[..., 2] < -1.45
+    shines = wall & (np.abs(position[..., 0]) < 0.4) & (np.abs(position[..., 1] - 0.9) < 0.3)
+    return seen, position, wall, shines
+
+
+def lobe_over_panel(position: Doubles, axis: Doubles, gloss: float) -> Doubles:
+    """Return the share of lobes [n] within which the panel lies: an integral over its area."""
+    side = (np.arange(24) + 0.5) / 24.0
+    x, y = np.meshgrid(0.8 * side - 0.4, 0.6 * side + 0.6)
+    way = np.stack([x, y, np.full_like(x, -1.5)], axis=-1).reshape(1, -1, 3) - position[:, None]
+    squared = np.sum(way**2, axis=-1)
+    way /= np.sqrt(squared)[..., None]
+    cosine = np.maximum(np.einsum("nkc,nc->nk", way, axis), 0.0)
+    value = (gloss + 1.0) / (2.0 * np.pi) * cosine**gloss * np.abs(way[..., 2]) / squared
+    share: Doubles = value.mean(axis=1) * 0.8 * 0.6
+    return share
+
+
+@pytest.mark.parametrize(("gloss", "most"), [(10.0, 0.15), (100.0, 0.07)])
+def test_a_light_in_a_broad_lobe_is_one_light(runtime: Runtime, gloss: float, most: float) -> None:
+    """Of 256 rays of a mean, at most 28 and 141 find the panel; with the same 16 in all tiles of 4 x 4 pixels, RMS
+    is .59 and .16."""
+    seen, position, wall, shines = panel_in_a_floor()
+    gbuffer = glossy(seen, gloss)
+    assert gbuffer.specular is not None
+    gbuffer = replace(gbuffer, specular=np.where(wall[..., None], 0.0, gbuffer.specular))
+    solid = quads(((-8, -0.3, -1.5), (16, 0, 0), (0, 6, 0)), ((-8, -0.3, -1.5), (0, 0, 16), (16, 0, 0)))
+    radiance = np.where(shines[..., None], 10.0, 0.0) * np.ones(3)
+    found = added(runtime, gbuffer, radiance, 0.0, Environment(0.0), blocks=solid)
+    floor = ~wall & np.isfinite(np.asarray(seen.depth)) & (position[..., 2] > -1.0)
+    floor[np.arange(360) % 3 > 0] = False
+    axis = Lobes.of(gbuffer, *world_surface(gbuffer)[:2]).axis[floor]
+    expected = 10.0 * 0.5 * lobe_over_panel(position[floor], axis, gloss)
+    off = found[floor][:, 0] - expected
+    assert np.sqrt(np.mean(off**2) / np.mean(expected**2)) < most
+    assert abs(off.mean()) < 0.02 * expected.mean()
+
+
 def test_no_sky_enters_a_closed_room(runtime: Runtime) -> None:
     """Rays that leave the image in a closed room take what its surfaces send.
 

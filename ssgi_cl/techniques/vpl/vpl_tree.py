@@ -8,6 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.core.vpls import PARTS
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size
 from ssgi_cl.device.constants import (
     CUT_ALL,
@@ -141,6 +142,7 @@ class VplTree:
             bounds=self._bounds,
             params=packed,
             total=total,
+            parts=PARTS if self.lights.parted else 0,
         )
         self._make_runs.run(
             (1, 1),

@@ -281,17 +281,17 @@ def _narrow(
         index, real, number = index[wide], real[wide], np.repeat(number[wide], 2)
         along = np.take_along_axis(position[wide], axis[..., None], 2)[..., 0]
         order = np.argsort(np.where(real, along, np.inf), axis=1, kind="stable")
-        index, real, along = (np.take_along_axis(values, order, 1) for values in (index, real, along))
+        index, real = np.take_along_axis(index, order, 1), np.take_along_axis(real, order, 1)
+        along = np.take_along_axis(along, order, 1)
         gaps = np.where(real[:, 1:], np.diff(along, axis=1), -1.0)
         first = np.arange(PARTS) <= np.argmax(gaps, axis=1)[:, None]
-        index, real = (np.repeat(values, 2, axis=0) for values in (index, real))
+        index, real = np.repeat(index, 2, axis=0), np.repeat(real, 2, axis=0)
         real[0::2] &= first
         real[1::2] &= ~first
         # What does not count is where what does is.
         index = np.where(real, index, np.take_along_axis(index, np.argmax(real, axis=1)[:, None], 1))
-    index, real, number = (np.concatenate(each) for each in zip(*done, strict=True))
-    order = np.argsort(number, kind="stable")
-    return index[order], real[order]
+    order = np.argsort(np.concatenate([own for _, _, own in done]), kind="stable")
+    return np.concatenate([own for own, _, _ in done])[order], np.concatenate([own for _, own, _ in done])[order]
 
 
 def _surfels(

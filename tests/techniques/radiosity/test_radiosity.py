@@ -284,18 +284,28 @@ def test_a_spot_in_a_closed_box_lights_by_its_flux(runtime: Runtime) -> None:
     assert received == pytest.approx(flux * albedo / (1.0 - albedo), rel=0.04)
 
 
-def test_surfaces_in_a_narrow_gap_take_no_part(runtime: Runtime) -> None:
-    """Rays begin 1.5 cells, here .025, above a surface: behind a plate that lies .016 above it."""
+def test_surfaces_in_a_narrow_gap_see_out_of_its_slit_alone(runtime: Runtime) -> None:
+    """Behind a plate that lies .016 above the floor, one cell of the grid."""
     closed = box(0.5, 1.0)
     plate, triangles = tiled(4, -0.984, 1.0)
     scene = meshed(
         np.concatenate([closed.positions, plate]), np.concatenate([closed.triangles, triangles + 8]), closed.materials
     )
-    surfels = solved(runtime, scene, surfels=2048).surfels
+    made = solved(runtime, scene, surfels=2048)
+    surfels = made.surfels
     beneath = (np.abs(surfels.position[:, [0, 2]]) < 0.45).all(axis=1) & (surfels.position[:, 1] < -0.98)
     on_top = beneath & (surfels.position[:, 1] > -0.99) & (surfels.normal[:, 1] > 0.0)
     assert on_top.any()
-    assert (beneath == on_top).all()
+    within = beneath & ~on_top
+    assert within.any()
+    words = made._device._visible.download().reshape(-1, made._device._stride).view(np.uint32)
+    sees = (words[np.arange(len(surfels)) // 32] >> (np.arange(len(surfels), dtype=np.uint32) % 32)[:, None] & 1) > 0
+    sees = sees[:, : len(surfels)]
+    assert (sees == sees.T).all()
+    # From .05 or more behind the plate's edge, the slit shows the walls up to .016 / .05 of 1.45 above the floor.
+    above = surfels.position[:, 1] > -0.5
+    assert not sees[np.ix_(within, above)].any()
+    assert sees[np.ix_(on_top, above)].mean() > 0.5
 
 
 def two_rooms(emission: float = 0.0, door: float = 0.0) -> Scene:

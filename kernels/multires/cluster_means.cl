@@ -6,6 +6,7 @@
 //          scaled to unit length, so that the light towards any far point where no light of the
 //          cluster is seen from behind is that of its lights.
 // Reads:   records  of the lights, see cluster_order
+//          bounds   likewise
 // Writes:  records  of the clusters; means in proportion to luminous flux
 //          bounds   of the clusters
 // Launch:  a work-item for each cluster of a segment (columns), rows are segments
@@ -29,7 +30,9 @@ __kernel void cluster_means(__global float *restrict records, __global float *re
     const int count = min(total - segment * stride, stride);
     const int end = min(first + (1 << (2 * level)), count);
     records += segment * tree_first(stride, 4) * TREE_RECORD;
-    bounds += segment * tree_first_bound(stride, 4) + tree_first_bound(stride, level);
+    bounds += segment * tree_first_bound(stride, 4);
+    __global const float *restrict leaves = bounds;
+    bounds += tree_first_bound(stride, level);
 
     float mean[7] = {0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f}; // as in a record
     float flux[3] = {0.0f, 0.0f, 0.0f};
@@ -49,12 +52,11 @@ __kernel void cluster_means(__global float *restrict records, __global float *re
         }
         for (int j = 0; j < 3; ++j) {
             flux[j] += light[8 + j];
-            const float at = light[j];
-            const float way = light[4 + j];
-            bound[TREE_POSITION + j] = min(bound[TREE_POSITION + j], at);
-            bound[TREE_POSITION + 3 + j] = max(bound[TREE_POSITION + 3 + j], at);
-            bound[TREE_NORMAL + j] = min(bound[TREE_NORMAL + j], way);
-            bound[TREE_NORMAL + 3 + j] = max(bound[TREE_NORMAL + 3 + j], way);
+        }
+        for (int j = 0; j < 6; ++j) {
+            const int low = j < 3 ? TREE_POSITION + j : TREE_NORMAL + j - 3;
+            bound[low] = min(bound[low], leaves[low * stride + i]);
+            bound[low + 3] = max(bound[low + 3], leaves[(low + 3) * stride + i]);
         }
     }
     const bool any = end > first;

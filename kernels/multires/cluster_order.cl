@@ -5,7 +5,8 @@
 // surfaces. Sorted by the axis that is nearest to their normal, and along the curve within one
 // axis, runs of them seldom mix surfaces; in scenes of many small surfaces that is worth a factor
 // of ten in the error of the runs.
-// Reads:   lights   [segments][params.span][TREE_RECORD], see vpl/vpl_splat.cl
+// Reads:   lights   [segments][params.span][TREE_RECORD], see vpl/vpl_splat.cl; with `parts` 16
+//                   behind them are their parts, which light what is near in their place
 // Writes:  records  [segments][tree_first(params.stride, 4)][TREE_RECORD] of which the lights'
 //          bounds   [segments][tree_first_bound(params.stride, 4)] likewise
 // Params:  lights of all segments: total; VplParams of the first segment
@@ -26,7 +27,7 @@ static inline int cluster_axis(__global const float *restrict way)
 
 __kernel void cluster_order(__global const float *restrict lights, __global float *restrict records,
                             __global float *restrict bounds, const int2 size,
-                            const VplParams params, const int total)
+                            const VplParams params, const int total, const int parts)
 {
     const int segment = (int)get_global_id(0);
     const int stride = params.stride;
@@ -59,9 +60,21 @@ __kernel void cluster_order(__global const float *restrict lights, __global floa
             records[to * TREE_RECORD + j] = i < count ? light[j] : 0.0f;
         }
         records[to * TREE_RECORD + TREE_NUMBER] = (float)i;
-        for (int j = 0; j < 3; ++j) {
-            bounds[j * stride + to] = i < count ? light[j] : 0.0f;
-            bounds[(3 + j) * stride + to] = i < count ? light[4 + j] : 0.0f;
+        for (int j = 0; j < 6; ++j) { // position and minus the normal
+            const int from = j < 3 ? j : j + 1;
+            float low = i < count ? light[from] : 0.0f;
+            float high = low;
+            for (int part = 0; part < parts && i < count; ++part) {
+                __global const float *restrict own =
+                    lights + (stride + 16 * i + part) * TREE_RECORD;
+                if (max(own[8], max(own[9], own[10])) > 0.0f) {
+                    low = min(low, own[from]);
+                    high = max(high, own[from]);
+                }
+            }
+            const int row = j < 3 ? TREE_POSITION + j : TREE_NORMAL + j - 3;
+            bounds[row * stride + to] = low;
+            bounds[(row + 3) * stride + to] = high;
         }
     }
 }

@@ -4,7 +4,7 @@
 // Method:  A cut through a tree of lights as in Walter et al. 2005, "Lightcuts", but for a group of
 //          samples and by an estimate of the error in place of a bound: see cut.clh. A run stands
 //          for its lights where its error is below the tolerance; runs and lights that face away
-//          from the whole group are left out.
+//          from the whole group, with all of their parts, are left out.
 // Reads:   depth, normal  of the samples' G-buffer, with margin; view space
 //          list     how many samples there are, and so many times row << 16 | column
 //          bounds   of all segments, see cluster.clh

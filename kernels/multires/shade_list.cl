@@ -25,6 +25,7 @@
 #include "common/gbuffer.clh"
 #include "multires/cut.clh"
 #include "occupancy/grid.clh"
+#include "rays/ends.clh"
 #include "vpl/light.clh"
 
 #if !defined(VPL_NEAR) || !defined(VPL_CUT) || !defined(SHADE_ROWS) || !defined(VPL_VISIBILITY) || \
@@ -35,6 +36,12 @@
 #define SHADE_BLOCK 64 // lights summed before they are added to the sum: float32 rounds less so
 #define SHADE_PIECE (SSGI_LANES * SHADE_ROWS)
 #define SHADE_PIECES (CUT_GROUP / SHADE_PIECE)
+
+#if VPL_VISIBILITY == 2
+typedef RaysEnd ShadeEnd;
+#elif VPL_VISIBILITY
+typedef OccupancyCell ShadeEnd;
+#endif
 
 #if VPL_VISIBILITY
 // Record whose target a record's shadow ray goes to: the run of 4^line lights that it belongs to,
@@ -50,6 +57,7 @@ static inline int shade_run(const int record, const int stride, const int line)
                                ((record - tree_first(stride, level)) >> 2 * (line - level));
 }
 
+#if VPL_VISIBILITY == 1
 // Where shadow rays of samples start: towards the eye where their cells hold a surface.
 static inline OccupancyCell shade_towards(__global const int *restrict occupancy,
                                           const OccupancyCell start, const VplReceiver at,
@@ -71,6 +79,17 @@ static inline OccupancyCell shade_end(__global const float *restrict records, co
         records + (int)records[run * TREE_RECORD + TREE_TARGET] * TREE_RECORD;
     return occupancy_end(light, light + 4, grid_box);
 }
+#else
+// Where a shadow ray to a run ends: at one of its lights.
+static inline RaysEnd shade_end(__global const float *restrict records, const int run,
+                                const RaysParams rays)
+{
+    __global const float *restrict light =
+        records + (int)records[run * TREE_RECORD + TREE_TARGET] * TREE_RECORD;
+    return rays_end(v_splat(light[0]), v_splat(light[1]), v_splat(light[2]), v_splat(-light[4]),
+                    v_splat(-light[5]), v_splat(-light[6]), rays);
+}
+#endif
 #endif
 
 #if SHADE_PARTS
@@ -95,7 +114,10 @@ __kernel void shade_list(__global const int *restrict list, __global const float
 #if SHADE_PARTS
                          __global const float *restrict lights,
 #endif
-#if VPL_VISIBILITY
+#if VPL_VISIBILITY == 2
+                         __global const float *restrict nodes,
+                         __global const float *restrict triangles, const RaysParams rays,
+#elif VPL_VISIBILITY
                          __global const int *restrict occupancy,
                          __global const float *restrict grid_box, const SsgiCamera camera,
 #endif
@@ -123,13 +145,17 @@ __kernel void shade_list(__global const int *restrict list, __global const float
             sum[r][0] = sum[r][1] = sum[r][2] = zero;
         }
 #if VPL_VISIBILITY
-        OccupancyCell eye[SHADE_ROWS];
+        ShadeEnd eye[SHADE_ROWS];
         vmask open[SHADE_ROWS];
 #pragma unroll
         for (int r = 0; r < SHADE_ROWS; ++r) {
+#if VPL_VISIBILITY == 2
+            eye[r] = rays_end(at[r].x, at[r].y, at[r].z, at[r].nx, at[r].ny, at[r].nz, rays);
+#else
             eye[r] =
                 occupancy_cell(at[r].x, at[r].y, at[r].z, at[r].nx, at[r].ny, at[r].nz, grid_box);
             eye[r] = shade_towards(occupancy, eye[r], at[r], camera);
+#endif
             open[r] = v_splat_int(-1);
         }
         int latest = -1; // run that `open` is about
@@ -153,10 +179,18 @@ __kernel void shade_list(__global const int *restrict list, __global const float
                 const int run = shade_run(record, params.stride, line);
                 if (run != latest) {
                     latest = run;
-                    const OccupancyCell end_cell = shade_end(records, run, grid_box);
+#if VPL_VISIBILITY == 2
+                    const ShadeEnd goal = shade_end(records, run, rays);
+#else
+                    const ShadeEnd goal = shade_end(records, run, grid_box);
+#endif
 #pragma unroll
                     for (int r = 0; r < SHADE_ROWS; ++r) {
-                        open[r] = ~occupancy_blocked(occupancy, eye[r], end_cell, at[r].there);
+#if VPL_VISIBILITY == 2
+                        open[r] = ~rays_hidden(nodes, triangles, eye[r], goal, at[r].there);
+#else
+                        open[r] = ~occupancy_blocked(occupancy, eye[r], goal, at[r].there);
+#endif
                     }
                 }
 #endif

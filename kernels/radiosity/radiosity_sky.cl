@@ -5,15 +5,18 @@
 // Reads:   surfels     see surfel.clh
 //          directions  [size.y][8]: unit vector, solid angle in sr, radiance over that of the
 //                      brightest source (4 to 6), 0
-//          occupancy   see occupancy/grid.clh
+//          occupancy   see occupancy/grid.clh; SURFEL_RAYS 0
+//          nodes, triangles  see rays/bvh.clh; SURFEL_RAYS 1
 // Writes:  sky         4 x [size.x]: irradiance (0 to 2), part of the hemisphere that is open,
 //                      weighted by the cosine (3)
-// Macros:  OCCUPANCY_CELLS
+// Macros:  OCCUPANCY_CELLS, SURFEL_RAYS (0: rays through the grid; 1: against triangles)
 // Launch:  SSGI_LANES surfels per work-item, one row
 // Cost:    half a ray, some 20 reads, per surfel and direction
 
 #include "common/gbuffer.clh"
-#include "radiosity/surfel.clh"
+#include "radiosity/ends.clh"
+
+#define SKY_FAR 8.0f // more than from any surfel out of the scene, in the lengths of positions
 
 // Where a ray from `at` leaves the grid along one axis, in its lengths.
 static inline vfloat sky_leave(const vfloat at, const float way)
@@ -24,15 +27,24 @@ static inline vfloat sky_leave(const vfloat at, const float way)
 
 __kernel void radiosity_sky(__global const float *restrict surfels,
                             __global const float *restrict directions,
-                            __global const int *restrict occupancy, __global float *restrict sky,
-                            const int2 size)
+#if SURFEL_RAYS
+                            __global const float *restrict nodes,
+                            __global const float *restrict triangles, const RaysParams rays,
+#else
+                            __global const int *restrict occupancy,
+#endif
+                            __global float *restrict sky, const int2 size)
 {
     const int first = ssgi_first_column();
     const int stride = size.x;
     if (first >= stride) {
         return;
     }
+#if SURFEL_RAYS
+    const SurfelEnd start = surfel_starts(surfel_receivers(surfels, stride, first), rays);
+#else
     const OccupancyCell start = surfel_starts(surfels, stride, first);
+#endif
     const vfloat zero = v_splat(0.0f);
     vfloat sum[3] = {zero, zero, zero};
     vfloat open = zero, all = zero;
@@ -44,6 +56,13 @@ __kernel void radiosity_sky(__global const float *restrict surfels,
         if (!v_any(wanted)) {
             continue;
         }
+#if SURFEL_RAYS
+        const SurfelEnd end = rays_end(v_fma(v_splat(way[0]), v_splat(SKY_FAR), start.px),
+                                       v_fma(v_splat(way[1]), v_splat(SKY_FAR), start.py),
+                                       v_fma(v_splat(way[2]), v_splat(SKY_FAR), start.pz),
+                                       v_splat(-way[0]), v_splat(-way[1]), v_splat(-way[2]), rays);
+        const vmask seen = wanted & ~rays_hidden(nodes, triangles, start, end, wanted);
+#else
         const vfloat length = v_min(v_min(sky_leave(start.x, way[0]), sky_leave(start.y, way[1])),
                                     sky_leave(start.z, way[2]));
         OccupancyCell end;
@@ -54,6 +73,7 @@ __kernel void radiosity_sky(__global const float *restrict surfels,
         end.ny = v_splat(-way[1]);
         end.nz = v_splat(-way[2]);
         const vmask seen = wanted & ~occupancy_blocked(occupancy, start, end, wanted);
+#endif
         const vfloat w = v_max(n_dot_l, zero) * way[3];
         const vfloat own = v_select(zero, w, seen);
         all = all + w;

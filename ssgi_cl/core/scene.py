@@ -227,6 +227,11 @@ class Scene(Immutable):
         return any(material.is_seen_through for material in self.used_materials)
 
     @cached_property
+    def has_holes(self) -> bool:
+        """Whether a texture's alpha cuts holes into any triangle."""
+        return any(material.has_holes for material in self.used_materials)
+
+    @cached_property
     def emits_by_texture(self) -> bool:
         """Whether any material's emission has a texture."""
         return any(material.emits and material.emission_texture >= 0 for material in self.used_materials)

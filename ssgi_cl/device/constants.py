@@ -80,8 +80,8 @@ TREE_RECORD = 12
 """Floats of a light, or of what stands for several, in the tree."""
 TREE_BOUNDS = 16
 """Floats of the bounds of such a record."""
-TREE_LEAF = 6
-"""Floats of the bounds of a light."""
+TREE_LEAF = 12
+"""Floats of the bounds of a light and its parts."""
 CUT_GROUP = 64
 """Consecutive samples that share a light cut: a multiple of every number of lanes."""
 CUT_SAMPLE = 6

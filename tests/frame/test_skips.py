@@ -28,12 +28,13 @@ MOVING = frozenset(SKIPS) - {"unchanged"}
 def drawn(
     runtime: Runtime, built: BuiltinScene, skips: Any, lights: tuple[Light, ...] | None = None, **options: Any
 ) -> Frame:
-    given: dict[str, Any] = {"ao_radius": built.ao_radius, "layers": 2, "shadow_size": 64, "gbuffer": True, **options}
+    given: dict[str, Any] = {
+        "bounces": 0, "ao_radius": built.ao_radius, "layers": 2, "shadow_size": 64, "gbuffer": True, **options
+    }  # fmt: skip
     return render(
         built.scene,
         built.camera(*SIZE),
         (*built.lights, GLOW) if lights is None else lights,
-        bounces=0,
         skips=skips,
         runtime=runtime,
         **given,
@@ -123,9 +124,11 @@ def test_a_frame_whose_inputs_stay_runs_no_pass(runtime: Runtime) -> None:
     assert next(p.saved for p in frame.passes if p.name == "G-buffer") > 0.0
 
 
-def test_occlusion_without_ambient_light_is_the_skip_called_dark(runtime: Runtime) -> None:
+@pytest.mark.parametrize("bounces", [0, 1])
+def test_occlusion_without_ambient_light_is_the_skip_called_dark(runtime: Runtime, bounces: int) -> None:
     built = BUILTIN_SCENES["cornell_box"]()
-    left_out, done = (drawn(runtime, built, skips, (PointLight((0.3, 0.4, 0.3), 1.0),)) for skips in (["dark"], False))
+    lights = (PointLight((0.3, 0.4, 0.3), 1.0),)
+    left_out, done = (drawn(runtime, built, skips, lights, bounces=bounces) for skips in (["dark"], False))
     assert left_out.ao is None
     assert done.ao is not None
     np.testing.assert_array_equal(left_out.radiance, done.radiance)

@@ -22,7 +22,7 @@ def ambient_occlusion(build: Build) -> list[Stage]:
         return []
     name = build.params.ao_name or ""
     technique: Any = TECHNIQUES[name].technique(build.runtime, build.size, params, build.margin, build.params.layers)
-    dark = "dark" in build.params.skips and build.params.kind != "whole" and not build.params.dims_indirect
+    dark = "dark" in build.params.skips and not build.params.dims_indirect
 
     def condition(facts: Values) -> str | None:
         if AO in facts["outputs"] or not dark:

@@ -33,7 +33,6 @@ def combine(build: Build, *light: str, ambient: bool = False) -> Stage:
             indirect=given.get(INDIRECT),
             multi_bounce=r[MULTI_BOUNCE],
             indirect_ao=params.dims_indirect,
-            gaps=whole,
             sky_light=given.get(SKY_LIGHT),
             light=lobes,
         )

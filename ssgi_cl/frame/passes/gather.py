@@ -21,22 +21,29 @@ def gather(build: Build) -> Stage:
         runtime,
         build.size,
         MultiresSplatParams(
-            vpls=whole.vpls, visibility=True, grid=MOST_CELLS, interpolation_error=whole.error, light_error=whole.error
+            vpls=whole.vpls,
+            visibility=True,
+            grid=MOST_CELLS,
+            interpolation_error=whole.error,
+            light_error=whole.error,
+            importance=False,  # lights that depend on the view flicker as it moves
         ),
         surfels=SURFEL_CAPACITY * whole.surfels,
     )
 
     def run(r: Declared) -> tuple[Plane, Occupancy | None]:
-        maps, seen = r[of.RSM], r[of.GBUFFER]
+        maps, seen, casting = r[of.RSM], r[of.GBUFFER], r[of.CASTING]
+        holes = casting.has_holes  # the hierarchy does not know them, the grid does
         found = splat.gather(
             seen,
             rsms=[] if maps is None else [maps],
-            scene=device_scene(r[of.CASTING], runtime),
+            scene=device_scene(casting, runtime) if holes else None,
+            blockers=None if holes else casting,
             surfels=r[of.SURFELS],
             other_light=[plane for plane in (r[of.SKY_LIGHT], r[of.DIRECT]) if plane is not None],
         )
         if found.occupancy is None and seen.mirrors:
-            return found.irradiance, splat.block(seen, r[of.CASTING])
+            return found.irradiance, splat.block(seen, casting)
         return found.irradiance, found.occupancy
 
     return Stage(

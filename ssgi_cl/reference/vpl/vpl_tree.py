@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,11 +83,14 @@ class VplTreeReference:
         self.target = np.zeros(sum(sizes), np.intp)
         self._low, self._high, self._normal_low, self._normal_high = np.zeros((4, sum(sizes), 3))
         own = (position[order], normal[order], vpls.flux[order], vpls.area[order])
+        bounds = self._bounds(position[order], normal[order])
         for level, (start, size) in enumerate(zip(self.first, sizes, strict=True)):
             for run in range(size):
                 lights = slice(run * 4**level, min((run + 1) * 4**level, count))
                 if lights.start < lights.stop:
                     self._make(start + run, *(values[lights] for values in own))
+                    for bound, values, extreme in bounds:
+                        bound[start + run] = extreme(values[lights], axis=0)
                     flux = np.cumsum(self.flux[lights] @ LUMINANCE)
                     wanted = (run + 0.5) * GOLDEN % 1.0 * flux[-1]
                     found = int(np.searchsorted(flux, wanted, side="right"))
@@ -101,8 +105,21 @@ class VplTreeReference:
         self.area[record] = weight @ area
         self.deviation[record] = math.sqrt(weight @ np.sum((position - at) ** 2, axis=1))
         self.turn[record] = math.sqrt(weight @ np.sum((normal - way) ** 2, axis=1))
-        self._low[record], self._high[record] = position.min(axis=0), position.max(axis=0)
-        self._normal_low[record], self._normal_high[record] = normal.min(axis=0), normal.max(axis=0)
+
+    def _bounds(self, position: Doubles, normal: Doubles) -> list[tuple[Doubles, Doubles, Any]]:
+        """Return the bounds of records, those of lights with their parts, and how they are joined."""
+        found: list[tuple[Doubles, Doubles, Any]] = []
+        own = ((position, self._low, self._high), (normal, self._normal_low, self._normal_high))
+        for which, (values, lows, highs) in enumerate(own):
+            low, high = values, values
+            if self._parts is not None:
+                shines = np.any(self._parts.flux > 0.0, axis=1).reshape(-1, PARTS, 1)[self.order]
+                parts = (self._parts.position, self._parts.normal)[which] @ self._to_view[:3, :3].T
+                parts = (parts if which else parts + self._to_view[:3, 3]).reshape(-1, PARTS, 3)[self.order]
+                low = np.minimum(low, np.where(shines, parts, np.inf).min(axis=1))
+                high = np.maximum(high, np.where(shines, parts, -np.inf).max(axis=1))
+            found += [(lows, low, np.min), (highs, high, np.max)]
+        return found
 
     def error(self, records: Numbers, group: Group) -> tuple[Doubles, NDArray[np.bool_]]:
         """Return by how much records are estimated to be off (W/m^2), and which give nothing."""

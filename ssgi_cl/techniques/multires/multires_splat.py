@@ -27,6 +27,7 @@ from ssgi_cl.techniques.methods import Method, chosen_params
 from ssgi_cl.techniques.multires.multires_grid import MultiresGrid, MultiresGridParams
 from ssgi_cl.techniques.multires.multires_published import MultiresPublished, MultiresPublishedParams
 from ssgi_cl.techniques.occupancy.occupancy_grid import Occupancy, OccupancyGrid, check_grid, grid_param
+from ssgi_cl.techniques.occupancy.scene_rays import SceneRays
 from ssgi_cl.techniques.technique import Bench, Technique
 from ssgi_cl.techniques.vpl.packed_vpls import DeviceVpls, VplChooser, power_of_two
 from ssgi_cl.techniques.vpl.tile_boxes import BOX, bound_tiles, tiles_of
@@ -115,7 +116,7 @@ class Gathered:
 
     Attributes:
         irradiance: 3 images, W/m^2, in memory that the next run writes to.
-        occupancy: what blocked light; None without `visibility`, and where nothing shone.
+        occupancy: what blocked light; None without `visibility`, where triangles did, and where nothing shone.
     """
 
     irradiance: Plane
@@ -175,9 +176,12 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
         scene: DeviceScene | None = None,
         surfels: WorldVpls | None = None,
         other_light: Sequence[Plane] = (),
+        blockers: Scene | None = None,
     ) -> Plane:
         """Queue the passes; return the plane of irradiance, see `gather`."""
-        return self.gather(gbuffer, vpls, rsms=rsms, scene=scene, surfels=surfels, other_light=other_light).irradiance
+        return self.gather(
+            gbuffer, vpls, rsms=rsms, scene=scene, surfels=surfels, other_light=other_light, blockers=blockers
+        ).irradiance
 
     def gather(
         self,
@@ -188,6 +192,7 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
         scene: DeviceScene | None = None,
         surfels: WorldVpls | None = None,
         other_light: Sequence[Plane] = (),
+        blockers: Scene | None = None,
     ) -> Gathered:
         """Queue the passes; return irradiance, and what blocked light.
 
@@ -197,11 +202,16 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
                 at most as many as this was prepared for, and `vpls` is None.
             other_light: planes of irradiance in W/m^2 that the result is added to: errors are
                 shares of the mean of all light.
+            blockers: with `visibility`, the scene whose triangles block light, without holes: rays meet these in
+                place of the grid's cells, and lights are chosen without `importance`.
 
         Raises:
-            ValueError: the G-buffer is empty or has another size, or there are too many lights.
+            ValueError: the G-buffer is empty or has another size, there are too many lights, or `blockers` is given
+                without `visibility`.
         """
         camera = camera_of(gbuffer, self.size)
+        if blockers is not None and self._occupancy is None:
+            raise ValueError("blockers is a Scene: expected None without visibility, with which alone light is blocked")
         if not (rsms if vpls is None else vpls) and surfels is None:
             return Gathered(self._no_light.skipped(), None)
         params, tree = self.params, self.tree
@@ -215,19 +225,22 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
         else:
             self._lights.place(None, camera, more=surfels)
         occupancy = None
-        if self._occupancy is not None:
+        if self._occupancy is not None and blockers is None:
             tiles = bound_tiles(self.runtime, self.grid.half(gbuffer), self._boxes, self._lights)
             occupancy = self._occupancy.fill(gbuffer, rsms, self._boxes, tiles, self._lights, scene)
             if curve is not None and params.importance:
                 importance = self._importance.run(gbuffer, curve, occupancy=occupancy)
                 self._chooser.place(rsms, camera, kinds=1, importance=importance, more=surfels)
+        rays = None
+        if blockers is not None:
+            rays = SceneRays(self.runtime, blockers, camera.view, self._lights.unit)
         tree.update()
         values = {"cutoff": params.scaled_cutoff(self._lights.unit), "refine": params.refine}
         tree.measure(
             coarsest.source, coarsest.list, values, params.interpolation_error, params.light_error, other_light
         )
         for level in chain([coarsest], levels):
-            tree.shine(level.source, level.list, level.most, level.fractions, level.values, values, occupancy)
+            tree.shine(level.source, level.list, level.most, level.fractions, level.values, values, occupancy, rays)
         return Gathered(self.grid.result, occupancy)
 
     def block(self, gbuffer: DeviceGBuffer, scene: Scene) -> Occupancy:

@@ -18,6 +18,10 @@ Doubles = NDArray[np.float64]
 
 CURVE_BITS = 10
 """Bits of each coordinate along the Hilbert curve."""
+WIDEST = 3.0
+"""Diagonal of the box round a surfel, over the root of its area, at most: the curve leaves a surface and comes back
+elsewhere, and far parts take visibility and irradiance of a place that is not theirs. Half of the surfels are within
+1.6."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +134,8 @@ def scene_surfels(scene: Scene, count: int, shares: TriangleShares | None = None
         shares: of the scene's triangles, where they are known.
 
     Returns:
-        At most count + 48 surfels, an even number if all triangles have a back; none if none has an area.
+        About count surfels and as many as wide ones are cut into, an even number if all triangles have a back; none
+        if none has an area.
     """
     shares = shares or TriangleShares.of(scene)
     backs = float(shares.area[~scene.culled_backs].sum()) / max(float(shares.area.sum()), 1e-300)
@@ -143,9 +148,8 @@ def scene_surfels(scene: Scene, count: int, shares: TriangleShares | None = None
     kind = _axis(points[1]) + 6 * points[4].any(axis=1) + 12 * ~double
     key = kind * np.int64(1 << 3 * CURVE_BITS) + curve_numbers(points[0], low, high)
     order = np.argsort(key, kind="stable")
-    first = _surfels(np.asarray(scene.origin), points, order, key >> 3 * CURVE_BITS)
-    # Those of a kind are filled up by themselves, and come one kind after the other.
-    both = first.chosen(np.arange(-(-np.bincount(kind, minlength=24)[:12] // PARTS).sum()))
+    first, kinds = _surfels(np.asarray(scene.origin), points, order, key >> 3 * CURVE_BITS)
+    both = first.chosen(np.flatnonzero(kinds < 12))
     other = replace(both, normal=-both.normal, part_normal=-both.part_normal)
     names = (*_OWN, *(f"part_{name}" for name in _OWN))
     joined = {name: np.concatenate([getattr(first, name), getattr(other, name)]) for name in names}
@@ -257,8 +261,43 @@ def curve_numbers(points: Doubles, low: Doubles, high: Doubles) -> NDArray[np.in
     return number
 
 
-def _surfels(origin: Doubles, points: Sequence[Doubles], order: NDArray[np.intp], kind: NDArray[np.int64]) -> Surfels:
-    """Return surfels of each `PARTS` consecutive points; those of different kinds do not mix."""
+def _narrow(
+    points: Sequence[Doubles], index: NDArray[np.intp], real: NDArray[np.bool_]
+) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+    """Return surfels [n, PARTS] of points, and which of these count, with those wider than `WIDEST` cut in two.
+
+    They are cut where the gap between their points is largest along the longest side of their box.
+    """
+    done: list[tuple[NDArray[np.intp], NDArray[np.bool_], NDArray[np.intp]]] = []
+    number = np.arange(len(index))
+    while len(index):
+        position = points[0][index]
+        low = np.where(real[..., None], position, np.inf).min(axis=1)
+        high = np.where(real[..., None], position, -np.inf).max(axis=1)
+        squared = np.sum((high - low) ** 2, axis=1)
+        wide = squared > WIDEST**2 * np.sum(points[2][index] * real, axis=1)
+        done.append((index[~wide], real[~wide], number[~wide]))
+        axis = np.argmax(high - low, axis=1)[wide, None]
+        index, real, number = index[wide], real[wide], np.repeat(number[wide], 2)
+        along = np.take_along_axis(position[wide], axis[..., None], 2)[..., 0]
+        order = np.argsort(np.where(real, along, np.inf), axis=1, kind="stable")
+        index, real = np.take_along_axis(index, order, 1), np.take_along_axis(real, order, 1)
+        along = np.take_along_axis(along, order, 1)
+        gaps = np.where(real[:, 1:], np.diff(along, axis=1), -1.0)
+        first = np.arange(PARTS) <= np.argmax(gaps, axis=1)[:, None]
+        index, real = np.repeat(index, 2, axis=0), np.repeat(real, 2, axis=0)
+        real[0::2] &= first
+        real[1::2] &= ~first
+        # What does not count is where what does is.
+        index = np.where(real, index, np.take_along_axis(index, np.argmax(real, axis=1)[:, None], 1))
+    order = np.argsort(np.concatenate([own for _, _, own in done]), kind="stable")
+    return np.concatenate([own for own, _, _ in done])[order], np.concatenate([own for _, own, _ in done])[order]
+
+
+def _surfels(
+    origin: Doubles, points: Sequence[Doubles], order: NDArray[np.intp], kind: NDArray[np.int64]
+) -> tuple[Surfels, NDArray[np.int64]]:
+    """Return surfels of each `PARTS` consecutive points, and their kinds; those of different kinds do not mix."""
     counts = np.bincount(kind, minlength=24)
     firsts = np.cumsum(counts) - counts
     index, real = [], []
@@ -267,11 +306,9 @@ def _surfels(origin: Doubles, points: Sequence[Doubles], order: NDArray[np.intp]
         number = np.arange(rounded)
         index.append(order[first + np.minimum(number, max(own - 1, 0))])
         real.append(number < own)
-    chosen = np.concatenate(index)
-    position, normal, area, albedo, emission = (
-        values[chosen].reshape(-1, PARTS, *values.shape[1:]) for values in points
-    )
-    area = area * np.concatenate(real).reshape(-1, PARTS)
+    chosen, there = _narrow(points, np.concatenate(index).reshape(-1, PARTS), np.concatenate(real).reshape(-1, PARTS))
+    position, normal, area, albedo, emission = (values[chosen] for values in points)
+    area = area * there
     whole = area.sum(axis=1)
 
     def mean(values: Doubles) -> Doubles:
@@ -289,7 +326,7 @@ def _surfels(origin: Doubles, points: Sequence[Doubles], order: NDArray[np.intp]
     length = np.sqrt(np.einsum("nc,nc->n", facing, facing))
     # Normals of one axis lie within 55 degrees of it, so that their mean does not vanish.
     facing /= length[:, None]
-    return Surfels(
+    found = Surfels(
         origin,
         position[:, 0],
         facing,
@@ -298,3 +335,4 @@ def _surfels(origin: Doubles, points: Sequence[Doubles], order: NDArray[np.intp]
         mean(emission),
         *(values.reshape(-1, *values.shape[2:]) for values in (position, normal, area, albedo, emission)),
     )
+    return found, kind[chosen[:, 0]]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +16,7 @@ from ssgi_cl.device.structs import Struct, floats
 from ssgi_cl.rasterize.raster.device_scene import DeviceScene
 from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.techniques.occupancy.occupancy_grid import OccupancyGrid
+from ssgi_cl.techniques.occupancy.scene_rays import SCENE_RAYS, SceneRays
 from ssgi_cl.techniques.radiosity.air import Air
 from ssgi_cl.techniques.radiosity.many_lights import traced_lights
 from ssgi_cl.techniques.radiosity.sky_directions import sky_directions
@@ -69,10 +72,7 @@ class DeviceSurfels:
         self._grid = OccupancyGrid(runtime, cells, (1, 1))
         macros = self._grid.macros
         self._start = runtime.kernel("radiosity/radiosity_start.cl", macros, (START,))
-        self._see = runtime.kernel("radiosity/radiosity_visibility.cl", macros)
         self._mirror = runtime.kernel("radiosity/radiosity_mirror.cl")
-        self._sky = runtime.kernel("radiosity/radiosity_sky.cl", macros)
-        self._first = runtime.kernel("radiosity/radiosity_first.cl", macros)
         self._gather = runtime.kernel("radiosity/radiosity_gather.cl", macros)
 
     def enter(self, scene: Scene) -> None:
@@ -86,6 +86,14 @@ class DeviceSurfels:
         self._shift = np.asarray(scene.origin) - middle
         solid = device_scene(scene, self.runtime)
         self._occupancy = occupancy = self._grid.fill_scene(solid, self.camera.view, self.unit, -half, half)
+        # The hierarchy does not know holes in triangles; the grid does.
+        rays = None if scene.has_holes else SceneRays(self.runtime, scene, self.camera.view, self.unit)
+        self._rays = rays
+        macros, structs = {**self._grid.macros, "SURFEL_RAYS": int(rays is not None)}, (SCENE_RAYS,)
+        self._see, self._sky, self._first = (
+            self.runtime.kernel(f"radiosity/radiosity_{name}.cl", macros, structs)
+            for name in ("visibility", "sky", "first")
+        )
         self._near = StartTriangles.of(self.runtime, scene, solid)
         self._shares = TriangleShares.of(scene)
         self._air = Air.of(occupancy.grid.download(), occupancy.cells)
@@ -137,11 +145,7 @@ class DeviceSurfels:
         words = self._stride // 32
         self._visible = self.runtime.empty(words * self._stride, np.int32)
         self._see.run(
-            (words, self._stride),
-            surfels=self._rows,
-            records=self._flux[0],
-            occupancy=self._occupancy.grid,
-            visible=self._visible,
+            (words, self._stride), surfels=self._rows, records=self._flux[0], **self._blockers(), visible=self._visible
         )
         self._mirror.run((words, self._stride), visible=self._visible)
 
@@ -229,7 +233,7 @@ class DeviceSurfels:
             grid=(1, self._stride // self.runtime.variant.lanes),
             surfels=self._rows,
             directions=self.runtime.array(table),
-            occupancy=self._occupancy.grid,
+            **self._blockers(),
             sky=self._seen,
         )
         return self._of_surfels(self._seen.download())
@@ -250,7 +254,7 @@ class DeviceSurfels:
             lights=lights.lights,
             numbers=runtime.array(numbers),
             weights=runtime.array(weights),
-            **self._occupancy.arguments,
+            **self._blockers(box=True),
             values=self._values,
             gain=gain,
         )
@@ -288,6 +292,12 @@ class DeviceSurfels:
         )
         self._flux.reverse()
         return self._of_surfels(self._received.download())
+
+    def _blockers(self, *, box: bool = False) -> dict[str, Any]:
+        """Return what kernels follow rays through; `box`: whether they read where the grid is."""
+        if self._rays is not None:
+            return self._rays.arguments
+        return self._occupancy.arguments if box else {"occupancy": self._occupancy.grid}
 
     def _of_surfels(self, rows: Floats) -> Floats:
         """Return [surfels, 3] of the first three rows."""

@@ -8,6 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.core.vpls import PARTS
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size
 from ssgi_cl.device.constants import (
     CUT_ALL,
@@ -24,6 +25,7 @@ from ssgi_cl.device.constants import (
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats
 from ssgi_cl.techniques.occupancy.occupancy_grid import Occupancy, OccupancyGrid
+from ssgi_cl.techniques.occupancy.scene_rays import SCENE_RAYS, SceneRays
 from ssgi_cl.techniques.vpl.packed_vpls import VPL, DeviceVpls, packed_params
 
 CUT = Struct("CutParams", (("first", "int"), ("groups", "int"), *floats("scale", "faint", "bright")))
@@ -141,6 +143,7 @@ class VplTree:
             bounds=self._bounds,
             params=packed,
             total=total,
+            parts=PARTS if self.lights.parted else 0,
         )
         self._make_runs.run(
             (1, 1),
@@ -218,6 +221,7 @@ class VplTree:
         result: Plane,
         values: dict[str, float],
         occupancy: Occupancy | None = None,
+        rays: SceneRays | None = None,
     ) -> None:
         """Queue the passes that add shares of the irradiance of the samples to a plane.
 
@@ -229,6 +233,7 @@ class VplTree:
             result: 3 images likewise, W/m^2; other pixels stay as they are.
             values: members of the struct `VPL` that depend on the technique.
             occupancy: what blocks light, if this was made with a grid.
+            rays: what blocks light in place of it.
         """
         lanes, is_gpu = self.runtime.variant.lanes, self.runtime.info.kind == "gpu"
         items = 1 << 30 if is_gpu else CPU_ITEMS * self.runtime.device.max_compute_units
@@ -238,9 +243,16 @@ class VplTree:
         groups = -(-most // GROUP)
         scale = 1.0 / max(self.lights.values["gain"], float(np.finfo(np.float32).tiny))
         parted = self.lights.parted and values.get("refine", 0.0) > 0.0
-        shade = self.runtime.kernel(
-            "multires/shade_list.cl", {**self._macros, "SHADE_PARTS": int(parted)}, (CAMERA, VPL, CUT)
-        )
+        macros = {**self._macros, "SHADE_PARTS": int(parted)}
+        if rays is not None:
+            macros["VPL_VISIBILITY"] = 2
+        shade = self.runtime.kernel("multires/shade_list.cl", macros, (CAMERA, VPL, CUT, SCENE_RAYS))
+        if rays is not None:
+            blocks = rays.arguments
+        elif occupancy is not None:
+            blocks = {**occupancy.arguments, "camera": source.camera_struct}
+        else:
+            blocks = {}
         for first in range(0, groups, self._counts.count):
             here = min(groups - first, self._counts.count)
             cut = CUT.pack({"first": first, "groups": here, "scale": scale, "faint": FAINT, "bright": BRIGHT})
@@ -271,9 +283,7 @@ class VplTree:
                     samples=self._kept,
                     records=self._records,
                     lights=self.lights.lights if parted else None,
-                    occupancy=occupancy.grid if occupancy else None,
-                    grid_box=occupancy.box if occupancy else None,
-                    camera=source.camera_struct if occupancy else None,
+                    **blocks,
                     fractions=fractions,
                     values=result,
                     **shared,

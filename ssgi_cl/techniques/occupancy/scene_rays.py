@@ -1,0 +1,41 @@
+"""Rays against the triangles of a scene, from view space."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.device.structs import Struct, floats
+from ssgi_cl.rasterize.raster.scene_bvh import scene_bvh
+
+SCENE_RAYS = Struct("RaysParams", floats("xx", "xy", "xz", "x", "yx", "yy", "yz", "y", "zx", "zy", "zz", "z", "lift"))
+LIFT = 2.0**-13
+"""Height above their surfaces at which rays begin and end, in diagonals of the scene's box: more than the rounding of
+positions that are found from depth."""
+
+
+class SceneRays:
+    """What kernels that include kernels/rays/ends.clh follow rays through.
+
+    Args:
+        runtime: the device.
+        scene: whose triangles block rays.
+        view: [4, 4] from world space to the space of the kernel.
+        unit: scene units of the length in which the kernel counts.
+
+    Attributes:
+        arguments: of such kernels.
+    """
+
+    def __init__(self, runtime: Runtime, scene: Scene, view: NDArray[np.float64], unit: float) -> None:
+        made = scene_bvh(scene, runtime)
+        # In float64: origin and camera may be far from the world's and near each other.
+        turn, shift = view[:3, :3].T, -view[:3, :3].T @ view[:3, 3] - scene.origin
+        values = np.column_stack([turn * unit, shift]).ravel().tolist()
+        lift = LIFT * float(np.linalg.norm(np.ptp(scene.bounds, axis=0))) / unit
+        params = SCENE_RAYS.pack(dict(zip((name for name, _ in SCENE_RAYS.members), [*values, lift], strict=True)))
+        self.arguments: dict[str, Any] = {"nodes": made.nodes, "triangles": made.triangles, "rays": params}

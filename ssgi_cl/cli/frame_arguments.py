@@ -27,7 +27,7 @@ CULL = {"file": None, "all": True, "none": False}
 """Values of --cull, and what `load_scene` takes for them."""
 _AS_GIVEN = (
     *("preset", "indirect", "method", "vpls", "glossy_vpls", "indirect_ao", "layers", "auxiliary_cameras", "edges"),
-    *("ao_samples", "shadow_size", "rsm_size", "exposure"),
+    *("ao_samples", "shadow_size", "rsm_size", "exposure", "samples"),
 )
 """Options that are arguments of `render` as they are."""
 

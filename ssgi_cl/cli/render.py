@@ -14,7 +14,7 @@ from ssgi_cl.cli.frames import cameras_option, frames_options
 from ssgi_cl.cli.views import render_views
 from ssgi_cl.frame.params import AO_DEFAULT, BOUNCES, DEFAULT_PRESET, PRESETS
 from ssgi_cl.frame.render import Frame, render
-from ssgi_cl.frame.skips import ONE_PICTURE
+from ssgi_cl.frame.skips import ONE_PICTURE, SKIPS
 from ssgi_cl.io import png
 from ssgi_cl.io.console import (
     VECTOR,
@@ -39,7 +39,7 @@ _GROUPS = {
         *("ambient", "environment", "bounces", "ao", "ao_radius", "ao_samples"),
         *("indirect", "method", "vpls", "glossy_vpls", "indirect_ao"),
     ),
-    "Quality": ("preset", "edges", "layers", "auxiliary_cameras", "shadow_size", "rsm_size", "no_skips"),
+    "Quality": ("preset", "samples", "edges", "layers", "auxiliary_cameras", "shadow_size", "rsm_size", "no_skips"),
     "Device and report": ("device", "max_memory", "explain", "as_json"),
 }
 """Headings of the help, and the options under each."""
@@ -152,6 +152,7 @@ _GROUPS = {
 @click.option(
     "--edges", type=int, help="Places of each pixel that smooth edges, 0 for none; 7 by default in the whole picture."
 )
+@click.option("--samples", type=int, default=1, show_default=True, help="Frames that the picture is the mean of.")
 @click.option("--shadow-size", type=int, default=1024, show_default=True, help="Texels along a shadow map's side.")
 @click.option(
     "--rsm-size",
@@ -208,7 +209,8 @@ def _render_one(scene: str, output: Path, options: dict[str, Any], *, as_json: b
     most = options["max_memory"]
     if most is not None and (options["views"] or output.suffix.lower() != ".png"):
         raise click.UsageError("--max-memory gives a picture alone: expected a .png as --output, and no --views")
-    skips = frozenset[str]() if options["no_skips"] else ONE_PICTURE
+    several = options["samples"] != 1
+    skips = frozenset[str]() if options["no_skips"] else frozenset(SKIPS) if several else ONE_PICTURE
     with progress(as_json) as step:
         loaded, camera, lights, arguments = frame_arguments(scene, options, step)
         runtime = arguments["runtime"]
@@ -219,9 +221,11 @@ def _render_one(scene: str, output: Path, options: dict[str, Any], *, as_json: b
             files = [output]
         else:
             # Kernels are compiled for the first of two pictures; the second one's times are told.
-            render(loaded, camera, lights, skips=skips, progress=partial(step, "compiling kernels"), **arguments)
+            once = {**arguments, "samples": 1}
+            render(loaded, camera, lights, skips=skips, progress=partial(step, "compiling kernels"), **once)
             step("rendering")
-            frame = render(loaded, camera, lights, gbuffer=True, skips=skips, **arguments)
+            tell = partial(step, "rendering") if several else None
+            frame = render(loaded, camera, lights, gbuffer=True, skips=skips, progress=tell, **arguments)
             step("writing files")
             files = _write(frame, output, views=options["views"])
     if not as_json:

@@ -308,11 +308,11 @@ class Camera(Immutable):
         rows, columns = margin
         return self.cropped(-columns, -rows, self.width + 2 * columns, self.height + 2 * rows)
 
-    def cropped(self, left: int, top: int, width: int, height: int) -> Camera:
+    def cropped(self, left: float, top: float, width: int, height: int) -> Camera:
         """Return the camera of a rectangle of this camera's image plane.
 
         Args:
-            left, top: pixels from the image's top left corner; negative outside of the image.
+            left, top: pixels from the image's top left corner, whole or not; negative outside of the image.
             width, height: pixels, 1 to 16384; the rectangle may exceed the image on any side.
         """
         # A column c of the image is c - left of the rectangle: x' = a x + b in NDC.

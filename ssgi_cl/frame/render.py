@@ -15,11 +15,13 @@ from ssgi_cl.frame.bands import rendered_in_bands
 from ssgi_cl.frame.params import FrameParams
 from ssgi_cl.frame.renderer import Renderer, default_ao_radius
 from ssgi_cl.frame.result import Frame
+from ssgi_cl.frame.samples import mean_of_samples
 from ssgi_cl.rasterize.raster.view import device_scene
 
 __all__ = ["Frame", "Renderer", "default_ao_radius", "render"]
 
 
+@mean_of_samples
 @rendered_in_bands
 @serialised
 def render(
@@ -49,6 +51,7 @@ def render(
     gbuffer: bool = False,
     outputs: Iterable[str] | None = None,
     skips: bool | Iterable[str] = True,
+    samples: int = 1,
     max_memory: int | None = None,
     runtime: Runtime | None = None,
     progress: Progress = None,
@@ -96,10 +99,10 @@ def render(
         overscan: margin of the G-buffer on every side, a share of the image's size in [0, 1].
         auxiliary_cameras: views of half the size of what the camera misses, for "ssdo", 0 to 64; up
             to half of them at spot and directional lights, see `auxiliary_cameras`.
-        edges: places of each pixel at which visibility is tested, 0 to 64, each of which has the radiance of
-            the pixel of 3 x 3 that shows its surface; the mean is that of linear radiance, and exceeds no pixel of
-            them. 0: pixel centres alone count. By default 7 in the whole picture, else 0. Radiance and image have
-            smooth edges, no other output.
+        edges: places of each pixel at which visibility is tested, 0 to 64; each has the radiance of the
+            pixel nearby that shows its surface. The mean is that of linear radiance, and exceeds none of
+            these pixels. 0: pixel centres alone count. By default 7 in the whole picture, else 0.
+            Radiance and image have smooth edges, no other output.
         shadow_size: texels along the side of each shadow map, 16 to 8192.
         rsm_size: texels along a side that reflected light is chosen from, at most, 16 to 8192.
         exposure: factor before the tone curve; by default the log-average luminance becomes 0.18, as of
@@ -110,6 +113,10 @@ def render(
             out. By default image and radiance, and AO and indirect light where the image needs them.
         skips: work that may be left out where it has no effect: True for all, False for none, or
             names from `ssgi_cl.frame.skips.SKIPS`. No bit of any output depends on it.
+        samples: frames that the picture is the mean of, in linear radiance, 1 to 1024. Each sees another
+            place of every pixel, has its patterns elsewhere and chooses lights anew. From 8 on `edges` is
+            0 by default. What depends on scene and lights alone is computed once. AO and indirect light
+            are means too; the G-buffer is that of pixel centres.
         max_memory: most bytes of device memory, the scene and its maps counted; a larger picture is
             rendered in bands of rows that are blended where they meet. By default all there is.
         runtime: the device; by default the fastest found.

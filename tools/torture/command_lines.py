@@ -101,6 +101,7 @@ SMALL = {
     "glossy_vpls": ("0", "8"),
     "auxiliary_cameras": ("0", "1"),
     "edges": ("0", "1", "8"),
+    "samples": ("1", "3"),
     "sizes": ("16x12", "0x0", "axb"),
     "seconds": ("0.01", "0"),
     "lanes": ("1", "8", "16", "3"),

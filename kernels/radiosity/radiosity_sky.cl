@@ -16,14 +16,16 @@
 #include "common/gbuffer.clh"
 #include "radiosity/ends.clh"
 
+#if SURFEL_RAYS
 #define SKY_FAR 8.0f // more than from any surfel out of the scene, in the lengths of positions
-
+#else
 // Where a ray from `at` leaves the grid along one axis, in its lengths.
 static inline vfloat sky_leave(const vfloat at, const float way)
 {
     const float per = 1.0f / max(fabs(way), 1e-6f);
     return (way < 0.0f ? at : v_splat((float)OCCUPANCY_CELLS - 0.01f) - at) * per;
 }
+#endif
 
 __kernel void radiosity_sky(__global const float *restrict surfels,
                             __global const float *restrict directions,

@@ -52,13 +52,19 @@ PERFECT = 1e5
 
 
 class _Mirrored:
-    """The triangles that smooth surfaces mirror, and what each emits."""
+    """The triangles that smooth surfaces mirror, and what each emits and mirrors."""
 
     def __init__(self, runtime: Runtime, scene: Scene) -> None:
         self.bvh = scene_bvh(scene, runtime)
         emission = np.array([mean_emission(scene, material) for material in scene.materials])
-        glow = np.column_stack([np.minimum(emission, BRIGHTEST), emission.any(axis=1)])[scene.material_ids]
-        self.glow = runtime.array(glow.astype(np.float32).ravel())
+        albedo = np.array([material.albedo for material in scene.materials])
+        specular = np.minimum([material.specular for material in scene.materials], 1.0 - albedo)
+        matt = albedo.sum(axis=1) / np.maximum((albedo + specular).sum(axis=1), 1e-9)
+        smooth = np.array([material.gloss >= SMOOTH for material in scene.materials])
+        surfaces = np.column_stack(
+            [np.minimum(emission, BRIGHTEST), emission.any(axis=1), specular * smooth[:, None], matt]
+        )
+        self.surfaces = runtime.array(surfaces[scene.material_ids].astype(np.float32).ravel())
 
 
 def _mirrored(scene: Scene, runtime: Runtime) -> _Mirrored | None:
@@ -194,7 +200,7 @@ class Reflections(Prepared[ReflectionsParams]):
                     volume=self._sent,
                     nodes=mirrored.bvh.nodes,
                     triangles=mirrored.bvh.triangles,
-                    glow=mirrored.glow,
+                    surfaces=mirrored.surfaces,
                     reflected=reflected,
                     camera=gbuffer.camera_struct,
                     params=params,

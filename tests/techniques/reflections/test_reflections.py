@@ -343,6 +343,28 @@ def test_a_mirror_shows_a_panel_as_it_is(
     assert abs(np.count_nonzero(found) - whole) < 0.02 * whole
 
 
+def test_mirrors_show_mirrors(runtime: Runtime) -> None:
+    """A panel in a ceiling that mirrors, in a floor that mirrors: where the panel's image above the ceiling is, with
+    the reflectances' product."""
+    made = Camera.look_at((0.0, 1.6, 4.0), (0.0, 0.0, 2.6), width=160, height=120)
+    planes = [((-8.0, y, -8.0), (0.0, 0.0, 16.0), (16.0, 0.0, 0.0)) for y in (0.0, 3.0)]
+    scene = quads(*planes, PANELS[0])
+    metals = [Material(albedo=(0.0,) * 3, specular=each, gloss=1e6) for each in ((0.9, 0.8, 0.7), (0.5, 0.7, 0.9))]
+    panel = Material(albedo=(0.0,) * 3, emission=(5.0, 4.0, 3.0))
+    scene = replace(scene, materials=(*metals, panel), material_ids=np.array([0, 0, 1, 1, 2, 2], np.int32))
+    radiance = np.asarray(render(scene, made, [], runtime=runtime).radiance)
+    position = made.unproject(np.asarray(trace(made, [Plane((0, 0, 0), (0, 1, 0))]).depth))
+    (x, y, z), first, second = PANELS[0]
+    image = (x, 6.0 - y, z), first, tuple(-each for each in second)
+    inside = within_panel(position, (position - made.position) * (1.0, -1.0, 1.0), image)
+    expected = np.array((5.0, 4.0, 3.0)) * (0.9, 0.8, 0.7) * (0.5, 0.7, 0.9)
+    assert (inside > 0.03).sum() > 80
+    shown = radiance[inside > 0.03]
+    np.testing.assert_allclose(shown, np.broadcast_to(expected, shown.shape), rtol=0.01)
+    found = (np.abs(radiance - expected) < 0.01 * expected).all(axis=-1)
+    assert not (found & (inside < -0.03)).any()
+
+
 def test_what_is_matt_is_left_alone(runtime: Runtime, rng: np.random.Generator) -> None:
     made = camera("perspective", (21, 37))
     gbuffer = glossy(trace(made, [Plane((0, -0.3, 0), (0, 1, 0))]), 50.0, rng)

@@ -14,7 +14,6 @@
 // Params:  margin
 // Launch:  SSGI_LANES pixels of a row per work-item
 
-#include "common/phong.clh"
 #include "common/surface.clh"
 #include "reflections/pattern.clh"
 
@@ -61,7 +60,7 @@ __kernel void reflect_add(ssgi_plane linear, ssgi_plane normal, ssgi_plane albed
         ssgi_load(normal, whole, 2, at_x, at_y), REFLECT_OFF_PLANE, REFLECT_TURNED);
     vfloat sum[3] = {zero, zero, zero}, weights = zero;
     const vmask broad =
-        REFLECT_STRIDE == 1 ? v_splat_int(-1) : v_lt(lobe.gloss, v_splat(REFLECT_SHARP));
+        v_lt(lobe.gloss, v_splat(REFLECT_STRIDE == 1 ? params.perfect : REFLECT_SHARP));
     for (int dy = -REFLECT_WIDE; dy <= REFLECT_WIDE; ++dy) {
         const int row = at_y + dy * REFLECT_STRIDE;
         if (row < params.margin_rows || row >= params.margin_rows + size.y) {

@@ -13,49 +13,23 @@
 //          occupancy, grid_box  see occupancy/grid.clh
 // Writes:  reflected 3 x [rows, columns] W m^-2 sr^-1; 0 where nothing is glossy
 // Macros:  REFLECT_RAYS (of a pixel), REFLECT_STEPS (of a ray on the screen, at most),
-//          REFLECT_CELLS (of the volume, along a side), OCCUPANCY_CELLS
+//          REFLECT_CELLS (of the volume, along a side), OCCUPANCY_CELLS,
+//          REFLECT_MIRRORS (0, 1: smooth surfaces are left to reflect_mirror)
 // Params:  view to world rotation, margin, see the struct
 // Launch:  SSGI_LANES pixels of a row per work-item
 
-#include "common/phong.clh"
 #include "reflections/pattern.clh"
 #include "reflections/sky.clh"
 #include "reflections/trace.clh"
 #include "reflections/volume.clh"
 #include "occupancy/grid.clh"
 
-#if !defined(REFLECT_RAYS) || !defined(REFLECT_STEPS) || !defined(REFLECT_CELLS)
-#error "REFLECT_RAYS, REFLECT_STEPS and REFLECT_CELLS must be defined by the host"
+#if !defined(REFLECT_RAYS) || !defined(REFLECT_STEPS) || !defined(REFLECT_CELLS) ||                \
+    !defined(REFLECT_MIRRORS)
+#error "REFLECT_RAYS, REFLECT_STEPS, REFLECT_CELLS and REFLECT_MIRRORS must be defined by the host"
 #endif
 
-// Steps of the points of a lobe's rays: powers of 1 / the plastic number (Roberts 2018).
-#define REFLECT_FIRST 0.7548776662f
-#define REFLECT_SECOND 0.5698402910f
-#define REFLECT_THIRD 0.8191725134f // 1 / 1.2207, of how far a first step is shortened
-#define REFLECT_ASIDE 1.0f          // cells between two rays that both must leave the grid
-
-static inline vfloat reflect_fraction(const vfloat x) { return x - v_floor(x); }
-
-// The direction that two numbers in [0, 1) give, distributed as the lobe.
-static inline SsgiWay reflect_way(const SsgiLobe *lobe, const SsgiWay mirrored, const vfloat u,
-                                  const vfloat v)
-{
-    const vfloat cosine = v_pow(1.0f - u, 1.0f / (lobe->gloss + 1.0f));
-    const vfloat sine = v_sqrt(v_max(v_fma(-cosine, cosine, v_splat(1.0f)), v_splat(0.0f)));
-    const vfloat angle = v * 2.0f;
-    const vfloat a = cospi(angle) * sine, b = sinpi(angle) * sine;
-    // Two directions across (Duff et al. 2017).
-    const vfloat sign = v_copysign(v_splat(1.0f), mirrored.z);
-    const vfloat p = -1.0f / (sign + mirrored.z);
-    const vfloat q = mirrored.x * mirrored.y * p;
-    const SsgiWay way = {
-        v_fma(a, v_fma(sign * mirrored.x * mirrored.x, p, v_splat(1.0f)),
-              v_fma(b, q, cosine * mirrored.x)),
-        v_fma(a, sign * q, v_fma(b, v_fma(mirrored.y * mirrored.y, p, sign), cosine * mirrored.y)),
-        v_fma(a, -sign * mirrored.x, v_fma(b, -mirrored.y, cosine * mirrored.z)),
-    };
-    return way;
-}
+#define REFLECT_ASIDE 1.0f // cells between two rays that both must leave the grid
 
 // Where a ray leaves the grid, in cells of which it goes so many along each axis.
 static inline vfloat reflect_leave(const vfloat from, const vfloat way)
@@ -109,7 +83,10 @@ reflect_trace(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo, ssgi_plan
     const vfloat zero = v_splat(0.0f);
     const vfloat u = ssgi_load(linear, whole, 0, at_x, at_y);
     const SsgiLobe lobe = ssgi_lobe(albedo, specular, gloss, whole, at_x, at_y);
-    const vmask there = lobe.there & v_lt(u, v_splat(INFINITY));
+    vmask there = lobe.there & v_lt(u, v_splat(INFINITY));
+#if REFLECT_MIRRORS
+    there = there & v_lt(lobe.gloss, v_splat(REFLECT_SMOOTH));
+#endif
     vfloat sum[3] = {zero, zero, zero};
     if (!v_any(there)) {
         for (int c = 0; c < 3; ++c) {

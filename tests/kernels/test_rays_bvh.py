@@ -72,6 +72,42 @@ def test_rays_are_blocked_where_any_triangle_is_in_the_way(
     np.testing.assert_array_equal(found[~unsure], right[~unsure])
 
 
+@pytest.mark.parametrize("count", [1, 64, 700])
+def test_the_first_triangle_that_a_ray_meets_is_found(
+    variant_runtime: Runtime, count: int, rng: np.random.Generator
+) -> None:
+    corners = (rng.uniform(-1, 1, (count, 1, 3)) + rng.normal(0.0, 0.3, (count, 3, 3))).astype(np.float32)
+    origin = rng.uniform(-1.5, 1.5, (2000, 3)).astype(np.float32)
+    way = (rng.uniform(-1.5, 1.5, (2000, 3)) - origin).astype(np.float32)
+    bvh = bvh_of(corners, np.zeros(count, bool))
+    call = f"rays_closest(nodes, triangles, {RAY}, v_gt(x, v_splat(-9.0f)))"
+    names = ("x", "y", "z", "wx", "wy", "wz")
+    found = run_expressions(
+        variant_runtime, "rays/bvh.clh", {"where": f"{call}.where", "place": f"v_to_float({call}.triangle)"},
+        tables={"nodes": bvh.nodes.ravel(), "triangles": bvh.triangles.ravel()},
+        **dict(zip(names, np.concatenate([origin, way], axis=1).T, strict=True)),
+    )  # fmt: skip
+    c, o, w = (a.astype(np.float64) for a in (corners, origin, way))
+    sides = np.stack([c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]], axis=-1)
+    system = np.concatenate(
+        [np.broadcast_to(sides, (2000, *sides.shape)), -np.repeat(w[:, None, :, None], count, 1)], -1
+    )
+    u, v, t = np.moveaxis(np.linalg.solve(system, (o[:, None] - c[:, 0])[..., None])[..., 0], -1, 0)
+    least = np.stack([u, v, 1.0 - u - v, t, 1.0 - t]).min(axis=0)
+    unsure = (np.abs(least) < 1e-3).any(axis=1)
+    t = np.where(least > 0.0, t, np.inf)
+    first, met = t.min(axis=1), np.isfinite(t).any(axis=1)
+    assert np.count_nonzero(met & ~unsure) > 0
+    assert np.count_nonzero(~met & ~unsure) > 10
+    np.testing.assert_array_equal((found["place"] >= 0.0)[~unsure], met[~unsure])
+    sure = met & ~unsure
+    np.testing.assert_allclose(found["where"][sure], first[sure], rtol=2e-4, atol=2e-5)
+    number = bvh.triangles.view(np.int32)[found["place"][sure].astype(int), 10]
+    apart = np.sort(np.concatenate([t, np.full((2000, 1), np.inf)], axis=1), axis=1)[sure]
+    clear = apart[:, 1] > apart[:, 0] + 1e-3
+    np.testing.assert_array_equal(number[clear], t.argmin(axis=1)[sure][clear])
+
+
 def test_no_light_comes_between_triangles_that_share_an_edge(
     variant_runtime: Runtime, rng: np.random.Generator
 ) -> None:

@@ -4,7 +4,17 @@ from __future__ import annotations
 
 from ssgi_cl.device.arrays import Plane
 from ssgi_cl.frame.passes.build import Build
-from ssgi_cl.frame.passes.resources import GBUFFER, GLOSSY, LIGHT_VOLUME, LIGHTS, LOBE_LIGHT, MATT, OCCUPANCY, SHADOWS
+from ssgi_cl.frame.passes.resources import (
+    CASTING,
+    GBUFFER,
+    GLOSSY,
+    LIGHT_VOLUME,
+    LIGHTS,
+    LOBE_LIGHT,
+    MATT,
+    OCCUPANCY,
+    SHADOWS,
+)
 from ssgi_cl.frame.stage import Declared, Stage
 from ssgi_cl.techniques.reflections.reflections import Reflections
 
@@ -29,12 +39,13 @@ def reflections(build: Build) -> Stage:
             shadows=r[SHADOWS],
             occupancy=r[OCCUPANCY],
             volume=r[LIGHT_VOLUME],
+            scene=r[CASTING],
         )
         return radiance
 
     return Stage(
         name="reflections",
-        reads=(GBUFFER, MATT, LOBE_LIGHT, LIGHTS, SHADOWS, OCCUPANCY, LIGHT_VOLUME),
+        reads=(GBUFFER, CASTING, MATT, LOBE_LIGHT, LIGHTS, SHADOWS, OCCUPANCY, LIGHT_VOLUME),
         writes=(GLOSSY,),
         run=run,
         on_demand=True,

@@ -14,12 +14,13 @@ from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.lights import Light, environments_of
 from ssgi_cl.core.params import Params, Prepared, param, with_fields_described
 from ssgi_cl.core.reflective_shadow_map import ReflectiveShadowMap
-from ssgi_cl.core.scene import Scene, box_corners
+from ssgi_cl.core.scene import Scene, box_corners, mean_emission
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, floats, ints, rotation_values
 from ssgi_cl.device.transient import Target
+from ssgi_cl.rasterize.raster.scene_bvh import scene_bvh
 from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.techniques.bands import Plan, banded
 from ssgi_cl.techniques.direct.light_data import BRIGHTEST, PunctualLights, ShadowMap
@@ -37,12 +38,43 @@ REFLECT = Struct(
     (
         *floats(*ROTATION, "reach", "thick", "texels_per_angle"),
         *floats("per_unit", "per_cell", "cell_x", "cell_y", "cell_z"),
+        *floats("eye_x", "eye_y", "eye_z", "perfect"),
         *ints("levels", "margin_columns", "margin_rows"),
     ),
 )
 
 STRIDE = 4
 """Pixels between those whose means the second pass takes."""
+SMOOTH = 4000.0
+"""Gloss from which on rays are followed exactly: a roughness of .15; see kernels/reflections/pattern.clh."""
+PERFECT = 1e5
+"""Gloss from which on a pixel takes what its own mirrored ray meets, and no mean."""
+
+
+class _Mirrored:
+    """The triangles that smooth surfaces mirror, and what each emits and mirrors."""
+
+    def __init__(self, runtime: Runtime, scene: Scene) -> None:
+        self.bvh = scene_bvh(scene, runtime)
+        emission = np.array([mean_emission(scene, material) for material in scene.materials])
+        albedo = np.array([material.albedo for material in scene.materials])
+        specular = np.minimum([material.specular for material in scene.materials], 1.0 - albedo)
+        matt = albedo.sum(axis=1) / np.maximum((albedo + specular).sum(axis=1), 1e-9)
+        smooth = np.array([material.gloss >= SMOOTH for material in scene.materials])
+        surfaces = np.column_stack(
+            [np.minimum(emission, BRIGHTEST), emission.any(axis=1), specular * smooth[:, None], matt]
+        )
+        self.surfaces = runtime.array(surfaces[scene.material_ids].astype(np.float32).ravel())
+
+
+def _mirrored(scene: Scene, runtime: Runtime) -> _Mirrored | None:
+    """Return what smooth surfaces of a scene mirror; None where there are none, or alpha cuts holes that rays would
+    not pass."""
+    used = scene.used_materials
+    if not any(m.is_glossy and m.gloss >= SMOOTH for m in used) or device_scene(scene, runtime).has_cutouts:
+        return None
+    kept: _Mirrored = runtime.prepared((_Mirrored, scene.key), lambda: _Mirrored(runtime, scene), of=scene)
+    return kept
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,6 +138,7 @@ class Reflections(Prepared[ReflectionsParams]):
         shadows: Sequence[ShadowMap | None],
         occupancy: Occupancy,
         volume: LightVolume,
+        scene: Scene | None = None,
     ) -> None:
         """Queue the passes that add what lobes reflect to the plane of radiance.
 
@@ -117,9 +150,11 @@ class Reflections(Prepared[ReflectionsParams]):
             shadows: an entry for each light, see `PunctualLights`.
             occupancy: what blocks rays that leave the image, in the camera's view space.
             volume: what surfaces of the scene send.
+            scene: whose triangles smooth surfaces mirror; None: they are treated as others are.
         """
+        mirrored = None if scene is None else _mirrored(scene, self.runtime)
         self._sky.set(environments_of(lights))
-        params = self._packed(gbuffer, occupancy, volume)
+        params = self._packed(gbuffer, occupancy, volume, scene if mirrored is not None else None)
         seen: dict[str, Any] = {
             "linear": gbuffer.linear,
             "normal": gbuffer.normal,
@@ -131,6 +166,7 @@ class Reflections(Prepared[ReflectionsParams]):
             "REFLECT_RAYS": self.params.rays,
             "REFLECT_STEPS": self.params.steps,
             "REFLECT_CELLS": CELLS,
+            "REFLECT_MIRRORS": int(mirrored is not None),
             **occupancy.macros,
         }
         with self._reflected.over(gbuffer.seen) as (reflected, over):
@@ -148,6 +184,27 @@ class Reflections(Prepared[ReflectionsParams]):
                 camera=gbuffer.camera_struct,
                 params=params,
             )
+            if mirrored is not None:
+                self.runtime.kernel(
+                    "reflections/reflect_mirror.cl",
+                    {"REFLECT_RAYS": self.params.rays, "REFLECT_CELLS": CELLS},
+                    (CAMERA, REFLECT),
+                ).run(
+                    self.size,
+                    region=over,
+                    **seen,
+                    radiance=radiance,
+                    light=light,
+                    sky=self._sky.texels,
+                    places=self._sky.places,
+                    volume=self._sent,
+                    nodes=mirrored.bvh.nodes,
+                    triangles=mirrored.bvh.triangles,
+                    surfaces=mirrored.surfaces,
+                    reflected=reflected,
+                    camera=gbuffer.camera_struct,
+                    params=params,
+                )
             mean = self.runtime.transient.plane(3, self.size)
             passes = ((reflected, mean, 1), (mean, radiance, STRIDE))
             for source, target, stride in passes:
@@ -167,7 +224,7 @@ class Reflections(Prepared[ReflectionsParams]):
         # Last, as rays would find the lights' highlights once in a thousand pixels.
         self._lights.add_lobes(radiance, gbuffer, lights, shadows=shadows)
 
-    def _packed(self, gbuffer: DeviceGBuffer, occupancy: Occupancy, volume: LightVolume) -> Any:
+    def _packed(self, gbuffer: DeviceGBuffer, occupancy: Occupancy, volume: LightVolume, mirrored: Scene | None) -> Any:
         """Upload the volume unless it is that of the latest run; return the struct `REFLECT`."""
         camera = camera_of(gbuffer, self.size)
         if volume is not self._volume:
@@ -178,8 +235,13 @@ class Reflections(Prepared[ReflectionsParams]):
         reach = volume.extent
         per_unit = float(np.float32(1.0 / occupancy.unit))  # as kernels round it
         x, y, z = ((camera.position - volume.low) / volume.side).tolist()
+        eye = np.zeros(3) if mirrored is None else camera.position - mirrored.origin
         return REFLECT.pack(
             {
+                "eye_x": eye[0],
+                "eye_y": eye[1],
+                "eye_z": eye[2],
+                "perfect": np.inf if mirrored is None else PERFECT,
                 "cell_x": x,
                 "cell_y": y,
                 "cell_z": z,
@@ -280,6 +342,7 @@ def reflections(
             shadows=shadows,
             occupancy=grid.fill_scene(device_scene(scene, runtime), camera.view, half, -half, half),
             volume=surfaces.run(scene, lights, rsms=maps).volume,
+            scene=scene,
         )
         return np.ascontiguousarray(np.moveaxis(planes["radiance"].download(), 0, -1))
 

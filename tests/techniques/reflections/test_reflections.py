@@ -12,9 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.lights import Environment
-from ssgi_cl.core.scene import Scene
+from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.device.gbuffer import on_device
 from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.frame.render import render
 from ssgi_cl.rasterize.raster.device_scene import DeviceScene
 from ssgi_cl.reference.direct.shade import world_surface
 from ssgi_cl.reference.phong import Lobes
@@ -24,7 +25,7 @@ from ssgi_cl.techniques.radiosity.light_volume import CELLS, FACES, LightVolume,
 from ssgi_cl.techniques.radiosity.radiosity import RadiosityParams
 from ssgi_cl.techniques.reflections.reflections import Reflections, ReflectionsParams, reflections
 
-from ...closed_forms import quads
+from ...closed_forms import Quad, quads
 from ..analytic import Ball, Plane, camera, trace
 
 Doubles = NDArray[np.float64]
@@ -353,6 +354,79 @@ def test_a_ray_that_passes_behind_what_is_shown_does_not_reach_what_lies_beyond(
     assert beside.sum() > 20
     assert found[under].mean() < 0.1
     assert found[beside].mean() > 2.0
+
+
+PANELS = ((-0.5, 0.5, -1.5), (1.0, 0.0, 0.0), (0.0, 0.8, 0.0)), ((-0.5, 2.0, 1.2), (1.0, 0.0, 0.0), (0.0, 0.6, -0.3))
+"""Before the camera of the next test, and above what it sees: corner and two sides."""
+
+
+def within_panel(start: Doubles, way: Doubles, panel: Quad) -> Doubles:
+    """Return how far within a panel rays meet its plane, in its sides; below 0 outside, -inf where they do not."""
+    corner, first, second = np.array(panel)
+    normal = np.cross(first, second)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        far = ((corner - start) @ normal) / (way @ normal)
+        at = start + far[..., None] * way - corner
+        inside = np.stack([at @ first / (first @ first), at @ second / (second @ second)])
+        least: Doubles = np.minimum(inside, 1.0 - inside).min(axis=0)
+    return np.where((far > 0.0) & np.isfinite(least), least, -np.inf)
+
+
+@pytest.mark.parametrize(
+    ("eye", "target", "panel"),
+    [((0.0, 1.6, 4.0), (0.0, 0.3, -0.5), 0), ((0.0, 1.6, 2.0), (0.0, -0.6, 0.3), 1)],
+    ids=["shown", "not shown"],
+)
+def test_a_mirror_shows_a_panel_as_it_is(
+    runtime: Runtime, eye: tuple[float, ...], target: tuple[float, ...], panel: int
+) -> None:
+    """In a floor that mirrors, whether the image shows it or not: its radiance, and where each pixel's mirrored ray
+    meets its rectangle."""
+    made = Camera.look_at(eye, target, width=160, height=120)
+    floor = ((-8.0, 0.0, -8.0), (0.0, 0.0, 16.0), (16.0, 0.0, 0.0))
+    scene = quads(floor, *PANELS)
+    emission = (5.0, 4.0, 3.0), (1.0, 6.0, 1.0)
+    metal = Material(albedo=(0.0, 0.0, 0.0), specular=(0.9, 0.8, 0.7), gloss=1e6)
+    glowing = [Material(albedo=(0.0, 0.0, 0.0), emission=each) for each in emission]
+    scene = replace(scene, materials=(metal, *glowing), material_ids=np.array([0, 0, 1, 1, 2, 2], np.int32))
+    frame = render(scene, made, [], runtime=runtime)
+    position = made.unproject(np.asarray(trace(made, [Plane((0, 0, 0), (0, 1, 0))]).depth))
+    view = position - made.position
+    hidden = (within_panel(made.position, view, PANELS[0]) > -0.03) & (position[..., 2] < PANELS[0][0][2])
+    on_floor = np.isfinite(position[..., 0]) & ~hidden
+    inside = within_panel(position, view * (1.0, -1.0, 1.0), PANELS[panel])
+    expected = np.array(emission[panel]) * (0.9, 0.8, 0.7)
+    within, outside = on_floor & (inside > 0.03), on_floor & (inside < -0.03)
+    assert within.sum() > 150
+    radiance = np.asarray(frame.radiance)
+    np.testing.assert_allclose(radiance[within], np.broadcast_to(expected, (within.sum(), 3)), rtol=0.01)
+    found = on_floor & (np.abs(radiance - expected) < 0.01 * expected).all(axis=-1)
+    assert not (found & outside).any()
+    # The whole, edges too: as much light as the panel's rectangle has.
+    whole = np.count_nonzero(on_floor & (inside > 0.0))
+    assert abs(np.count_nonzero(found) - whole) < 0.02 * whole
+
+
+def test_mirrors_show_mirrors(runtime: Runtime) -> None:
+    """A panel in a ceiling that mirrors, in a floor that mirrors: where the panel's image above the ceiling is, with
+    the reflectances' product."""
+    made = Camera.look_at((0.0, 1.6, 4.0), (0.0, 0.0, 2.6), width=160, height=120)
+    planes = [((-8.0, y, -8.0), (0.0, 0.0, 16.0), (16.0, 0.0, 0.0)) for y in (0.0, 3.0)]
+    scene = quads(*planes, PANELS[0])
+    metals = [Material(albedo=(0.0,) * 3, specular=each, gloss=1e6) for each in ((0.9, 0.8, 0.7), (0.5, 0.7, 0.9))]
+    panel = Material(albedo=(0.0,) * 3, emission=(5.0, 4.0, 3.0))
+    scene = replace(scene, materials=(*metals, panel), material_ids=np.array([0, 0, 1, 1, 2, 2], np.int32))
+    radiance = np.asarray(render(scene, made, [], runtime=runtime).radiance)
+    position = made.unproject(np.asarray(trace(made, [Plane((0, 0, 0), (0, 1, 0))]).depth))
+    (x, y, z), first, second = PANELS[0]
+    image = (x, 6.0 - y, z), first, tuple(-each for each in second)
+    inside = within_panel(position, (position - made.position) * (1.0, -1.0, 1.0), image)
+    expected = np.array((5.0, 4.0, 3.0)) * (0.9, 0.8, 0.7) * (0.5, 0.7, 0.9)
+    assert (inside > 0.03).sum() > 80
+    shown = radiance[inside > 0.03]
+    np.testing.assert_allclose(shown, np.broadcast_to(expected, shown.shape), rtol=0.01)
+    found = (np.abs(radiance - expected) < 0.01 * expected).all(axis=-1)
+    assert not (found & (inside < -0.03)).any()
 
 
 def test_what_is_matt_is_left_alone(runtime: Runtime, rng: np.random.Generator) -> None:

@@ -1,0 +1,209 @@
+// SPDX-License-Identifier: MIT
+// reflect_mirror: radiance that arrives within the lobes of smooth surfaces, by exact rays.
+//
+// Method:  what a ray meets first among the triangles of the scene sends what the image shows of
+//          it, and otherwise its emission or what a volume has of surfaces that face the same way;
+//          where it meets nothing, the environments.
+// Reads:   linear, normal, albedo, specular, gloss  with margin
+//          radiance  3 x [rows, columns] W m^-2 sr^-1, without lobes
+//          light     3 x [rows, columns] irradiance / pi
+//          sky, places  see sky.clh; volume  see volume.clh
+//          nodes, triangles  see rays/bvh.clh
+//          surfaces  [triangles, 8] emission, W m^-2 sr^-1; 1 where there is any; specular
+//                    reflectance of smooth ones, otherwise 0; the share of what one sends that is
+//                    matt
+// Writes:  reflected 3 x [rows, columns] W m^-2 sr^-1, of smooth surfaces alone
+// Macros:  REFLECT_RAYS (of a pixel), REFLECT_CELLS (of the volume, along a side)
+// Params:  view to world rotation, the eye relative to the scene's origin, margin, see the struct
+// Launch:  SSGI_LANES pixels of a row per work-item
+
+#include "rays/bvh.clh"
+#include "reflections/pattern.clh"
+#include "reflections/sky.clh"
+#include "reflections/volume.clh"
+
+#if !defined(REFLECT_RAYS) || !defined(REFLECT_CELLS)
+#error "REFLECT_RAYS and REFLECT_CELLS must be defined by the host"
+#endif
+
+#define REFLECT_LIFT 0.0625f // widths of a pixel off the surface at which rays start
+#define REFLECT_MIRRORINGS 6 // of a ray at most; the last surface counts as matt
+#define REFLECT_OFF 1.0f // widths of a pixel between what it shows and the same surface, at most
+
+__kernel void
+reflect_mirror(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo, ssgi_plane specular,
+               ssgi_plane gloss, ssgi_plane radiance, ssgi_plane light,
+               __global const float *restrict sky, __global const int *restrict places,
+               __global const float *restrict volume, __global const float *restrict nodes,
+               __global const float *restrict triangles, __global const float *restrict surfaces,
+               __global float *restrict reflected, const int2 size, const SsgiCamera camera,
+               const ReflectParams params)
+{
+    const int x = ssgi_first_column();
+    const int y = (int)get_global_id(1);
+    if (x >= size.x || y >= size.y) {
+        return;
+    }
+    const int2 whole = (int2)(size.x + 2 * params.margin_columns, size.y + 2 * params.margin_rows);
+    const int at_x = x + params.margin_columns;
+    const int at_y = y + params.margin_rows;
+    const vfloat zero = v_splat(0.0f);
+    const vfloat u = ssgi_load(linear, whole, 0, at_x, at_y);
+    const SsgiLobe lobe = ssgi_lobe(albedo, specular, gloss, whole, at_x, at_y);
+    const vmask there =
+        lobe.there & v_lt(u, v_splat(INFINITY)) & v_ge(lobe.gloss, v_splat(REFLECT_SMOOTH));
+    if (!v_any(there)) {
+        return;
+    }
+    const bool perspective = camera.perspective != 0.0f;
+    const vfloat known = v_select(v_splat(1.0f), u, there);
+    const vfloat depth = perspective ? 1.0f / known : known;
+    const vfloat k = ssgi_k(camera, depth);
+    const vfloat nx = ssgi_load(normal, whole, 0, at_x, at_y);
+    const vfloat ny = ssgi_load(normal, whole, 1, at_x, at_y);
+    const vfloat nz = ssgi_load(normal, whole, 2, at_x, at_y);
+    const vfloat px = ssgi_slope_x(camera, v_to_float(v_iota() + at_x) + 0.5f) * k;
+    const vfloat py = ssgi_slope_y(camera, v_splat((float)at_y + 0.5f)) * k;
+    const SsgiWay mirrored = ssgi_mirrored(camera, px, py, -depth, nx, ny, nz);
+    // Off the surface, so that it does not meet itself.
+    const float width = fmax(fabs(camera.to_x), fabs(camera.to_y));
+    const vfloat lift = k * v_splat(width * REFLECT_LIFT);
+    const vfloat sx = v_fma(nx, lift, px), sy = v_fma(ny, lift, py), sz = v_fma(nz, lift, -depth);
+    const vmask perfect = v_ge(lobe.gloss, v_splat(params.perfect));
+    const vint tile = reflect_number(v_iota() + x, y, lobe.gloss);
+    const float reach = params.reach * 4.0f; // more than across the scene and to it
+    vfloat sum[3] = {zero, zero, zero};
+    for (int ray = 0; ray < REFLECT_RAYS; ++ray) {
+        const vfloat number = v_to_float(tile * REFLECT_RAYS + ray) + 0.5f;
+        SsgiWay way = reflect_way(&lobe, mirrored, reflect_fraction(number * REFLECT_FIRST),
+                                  reflect_fraction(number * REFLECT_SECOND));
+        way.x = v_select(way.x, mirrored.x, perfect);
+        way.y = v_select(way.y, mirrored.y, perfect);
+        way.z = v_select(way.z, mirrored.z, perfect);
+        const vfloat rise = v_fma(way.x, nx, v_fma(way.y, ny, way.z * nz));
+        const vfloat density =
+            ssgi_lobe_value(&lobe, mirrored, way.x, way.y, way.z) * (16.0f * REFLECT_RAYS);
+        const vfloat angle = 1.0f / v_max(density, v_splat(1e-3f));
+        vmask above = there & v_gt(rise, zero);
+        vfloat fx = sx, fy = sy, fz = sz, along = depth;
+        vfloat left[3] = {v_splat(1.0f), v_splat(1.0f), v_splat(1.0f)};
+        for (int leg = 0; leg < REFLECT_MIRRORINGS && v_any(above); ++leg) {
+            const vfloat wx = params.xx * way.x + params.xy * way.y + params.xz * way.z;
+            const vfloat wy = params.yx * way.x + params.yy * way.y + params.yz * way.z;
+            const vfloat wz = params.zx * way.x + params.zy * way.y + params.zz * way.z;
+            const RaysRay line = {
+                params.xx * fx + params.xy * fy + params.xz * fz + params.eye_x,
+                params.yx * fx + params.yy * fy + params.yz * fz + params.eye_y,
+                params.zx * fx + params.zy * fy + params.zz * fz + params.eye_z,
+                wx * reach,
+                wy * reach,
+                wz * reach,
+            };
+            const RaysHit hit = rays_closest(nodes, triangles, line, above);
+            const vmask met = above & v_ige(hit.triangle, v_splat_int(0));
+            // Where it is seen, if it is: the pixel there shows a point of the same plane.
+            const vfloat length = hit.where * reach;
+            const vfloat hx = v_fma(way.x, length, fx), hy = v_fma(way.y, length, fy);
+            const vfloat hz = v_fma(way.z, length, fz);
+            const vmask ahead = met & v_lt(hz, depth * -1e-3f);
+            const vfloat far = v_select(v_splat(1.0f), -hz, ahead);
+            const vfloat at_k = ssgi_k(camera, far);
+            const vfloat column = ssgi_column(camera, hx / at_k), row = ssgi_row(camera, hy / at_k);
+            const vint cx = v_to_int(v_floor(v_clamp(column, -1.0f, (float)whole.x)));
+            const vint cy = v_to_int(v_floor(v_clamp(row, -1.0f, (float)whole.y)));
+            const vint ix = v_iclamp(cx - params.margin_columns, 0, size.x - 1);
+            const vint iy = v_iclamp(cy - params.margin_rows, 0, size.y - 1);
+            const vint gx = ix + params.margin_columns, gy = iy + params.margin_rows;
+            const vfloat seen_u = ssgi_gather(linear, whole, 0, gx, gy);
+            vmask shown = ahead & v_ieq(gx, cx) & v_ieq(gy, cy) & v_lt(seen_u, v_splat(INFINITY));
+            const vfloat seen =
+                perspective ? 1.0f / v_select(v_splat(1.0f), seen_u, shown) : seen_u;
+            const vfloat seen_k = ssgi_k(camera, seen);
+            const vfloat ax = ssgi_gather(normal, whole, 0, gx, gy);
+            const vfloat ay = ssgi_gather(normal, whole, 1, gx, gy);
+            const vfloat az = ssgi_gather(normal, whole, 2, gx, gy);
+            const vfloat bx = hx - ssgi_slope_x(camera, v_to_float(gx) + 0.5f) * seen_k;
+            const vfloat by = hy - ssgi_slope_y(camera, v_to_float(gy) + 0.5f) * seen_k;
+            const vfloat off = v_fma(ax, bx, v_fma(ay, by, az * (hz + seen)));
+            const vfloat facing = v_fma(ax, way.x, v_fma(ay, way.y, az * way.z));
+            shown = shown & v_lt(v_abs(off), seen_k * (width * REFLECT_OFF)) & v_lt(facing, zero);
+            const vmask hidden = met & ~shown;
+            const vmask escapes = above & ~met;
+            const vint t = v_iselect(v_splat_int(0), hit.triangle, met) * RAYS_TRIANGLE;
+            const vint own = v_bits(v_gather(triangles, t + 10)) * 8;
+            vmask smooth = v_splat_int(0);
+            if (leg + 1 < REFLECT_MIRRORINGS) {
+                smooth = met & v_gt(v_gather(surfaces, own + 4) + v_gather(surfaces, own + 5) +
+                                        v_gather(surfaces, own + 6),
+                                    zero);
+            }
+            vfloat open[3] = {zero, zero, zero}, sent[3] = {zero, zero, zero};
+            vmask glows = v_splat_int(0);
+            vfloat ux = ax, uy = ay, uz = az; // the normal of what is met, in view space
+            if (v_any(hidden)) {
+                const vfloat e0 = v_gather(triangles, t + 3), e1 = v_gather(triangles, t + 4);
+                const vfloat e2 = v_gather(triangles, t + 5), f0 = v_gather(triangles, t + 6);
+                const vfloat f1 = v_gather(triangles, t + 7), f2 = v_gather(triangles, t + 8);
+                const vfloat m0 = v_fma(e1, f2, -(e2 * f1)), m1 = v_fma(e2, f0, -(e0 * f2));
+                const vfloat m2 = v_fma(e0, f1, -(e1 * f0));
+                // Away from the side that the ray meets, of unit length.
+                const vfloat towards = v_fma(m0, wx, v_fma(m1, wy, m2 * wz));
+                const vfloat per = v_copysign(
+                    v_rsqrt(v_max(v_fma(m0, m0, v_fma(m1, m1, m2 * m2)), v_splat(1e-37f))),
+                    towards);
+                const vfloat qx = m0 * per, qy = m1 * per, qz = m2 * per;
+                const vfloat scale = v_splat(params.per_cell * params.per_unit);
+                // A little before it, as surfaces lie on planes between cells.
+                reflect_volume(volume,
+                               v_fma(params.xx * hx + params.xy * hy + params.xz * hz, scale,
+                                     v_fma(qx, v_splat(-0.01f), v_splat(params.cell_x))),
+                               v_fma(params.yx * hx + params.yy * hy + params.yz * hz, scale,
+                                     v_fma(qy, v_splat(-0.01f), v_splat(params.cell_y))),
+                               v_fma(params.zx * hx + params.zy * hy + params.zz * hz, scale,
+                                     v_fma(qz, v_splat(-0.01f), v_splat(params.cell_z))),
+                               qx, qy, qz, sent);
+                ux = v_select(ux, -(params.xx * qx + params.yx * qy + params.zx * qz), hidden);
+                uy = v_select(uy, -(params.xy * qx + params.yy * qy + params.zy * qz), hidden);
+                uz = v_select(uz, -(params.xz * qx + params.yz * qy + params.zz * qz), hidden);
+                const vfloat matt = v_select(v_splat(1.0f), v_gather(surfaces, own + 7), smooth);
+                for (int c = 0; c < 3; ++c) {
+                    sent[c] = sent[c] * matt;
+                }
+                glows = hidden & v_gt(v_gather(surfaces, own + 3), zero);
+            }
+            if (params.levels > 0 && v_any(escapes)) {
+                reflect_sky(sky, places, wx, wy, wz, angle, params, open);
+            }
+            for (int c = 0; c < 3; ++c) {
+                // What a rough glossy surface mirrors goes every way, seen from another.
+                const vfloat rest = 1.0f - ssgi_gather(albedo, whole, c, gx, gy);
+                const vfloat spread =
+                    v_max(v_min(ssgi_gather(specular, whole, c, gx, gy), rest), zero);
+                const vfloat image =
+                    v_fma(v_select(spread, zero, smooth), ssgi_gather(light, size, c, ix, iy),
+                          ssgi_gather(radiance, size, c, ix, iy));
+                vfloat arriving = v_select(open[c], sent[c], hidden);
+                arriving = v_select(arriving, v_gather(surfaces, own + c), glows);
+                arriving = v_select(arriving, image, shown);
+                sum[c] = sum[c] + v_select(zero, arriving * left[c], above);
+                left[c] = left[c] * v_gather(surfaces, own + 4 + c);
+            }
+            // On from what mirrors.
+            above = smooth;
+            along = along + length;
+            const vfloat off_it = along * (width * REFLECT_LIFT);
+            fx = v_fma(ux, off_it, hx);
+            fy = v_fma(uy, off_it, hy);
+            fz = v_fma(uz, off_it, hz);
+            const vfloat twice = v_fma(ux, way.x, v_fma(uy, way.y, uz * way.z)) * -2.0f;
+            way.x = v_fma(twice, ux, way.x);
+            way.y = v_fma(twice, uy, way.y);
+            way.z = v_fma(twice, uz, way.z);
+        }
+    }
+    for (int c = 0; c < 3; ++c) {
+        const vfloat before = v_load(reflected + ssgi_index(size, c, x, y));
+        ssgi_store(v_select(before, sum[c] * (1.0f / REFLECT_RAYS), there), reflected, size, c, x,
+                   y, 0.0f);
+    }
+}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -47,11 +48,16 @@ class Build:
         """The resource that has all light of the surfaces of a G-buffer."""
         return GLOSSY if self.params.kind == "whole" else MATT
 
-    def varied(self, gbuffer: DeviceGBuffer) -> Region | None:
-        """Return the pixels outside of which the picture is the same everywhere; None if it is nowhere."""
-        seen = self.shade.seen(gbuffer)
-        # A pixel beside it may show what is seen in it.
-        return seen.grown(1).inside(self.size) if seen is not None and self.params.edge_places else seen
+    def varied(self) -> Callable[[DeviceGBuffer], Region | None]:
+        """Return what tells the pixels outside of which the picture is the same everywhere; None if it is nowhere."""
+        shade, reach = self.shade, 2 if self.params.edge_places else 0
+
+        def pixels(gbuffer: DeviceGBuffer) -> Region | None:
+            seen = shade.seen(gbuffer)
+            # A pixel that has none of a surface's centres may have a part of it.
+            return None if seen is None else seen.grown(reach).inside(self.size)
+
+        return pixels
 
     @cached_property
     def techniques(self) -> tuple[Any, Any]:

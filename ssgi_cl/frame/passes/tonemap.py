@@ -16,7 +16,7 @@ from ssgi_cl.techniques.filters.tonemap import Tonemap, TonemapParams, auto_expo
 def tonemap(build: Build) -> list[Stage]:
     """Return the passes."""
     curve = Tonemap(build.runtime, build.size, TonemapParams(curve=build.params.curve))
-    seen = build.varied
+    seen = build.varied()
     return [
         Stage(
             name="read-back",

@@ -258,18 +258,20 @@ def carried(given: Inputs, runtime: Runtime) -> Iterator[Array]:
 
 
 def mirrored(given: Inputs, runtime: Runtime) -> Iterator[Array]:
-    """Yield radiance of the room as if all of it were glossy."""
+    """Yield radiance of the room as if all of it were glossy, and as if it mirrored."""
     depth = np.asarray(given.gbuffer.depth)[0]
-    yield reflections(
-        replace(given.gbuffer, specular=np.full((*depth.shape, 3), 0.5), gloss=np.full(depth.shape, 60.0)),
-        given.image,
-        given.lights,
-        scene=given.scene,
-        shadow_maps=(*given.maps, None, None),
-        irradiance=given.image,
-        radiosity=FEW,
-        runtime=runtime,
-    )
+    smooth = tuple(replace(each, albedo=(0.3,) * 3, specular=(0.5,) * 3, gloss=1e4) for each in given.scene.materials)
+    for scene, gloss in ((given.scene, 60.0), (replace(given.scene, materials=smooth), 1e4)):
+        yield reflections(
+            replace(given.gbuffer, specular=np.full((*depth.shape, 3), 0.5), gloss=np.full(depth.shape, gloss)),
+            given.image,
+            given.lights,
+            scene=scene,
+            shadow_maps=(*given.maps, None, None),
+            irradiance=given.image,
+            radiosity=FEW,
+            runtime=runtime,
+        )
 
 
 def sky_lit(given: Inputs, runtime: Runtime) -> Iterator[Array]:

@@ -33,14 +33,14 @@ class Today(NamedTuple):
 
 
 ROOMS = {
-    "rods-300": Today(-0.16, -0.30, -0.15, 0.00),
-    "panel-300": Today(-0.13, -0.29, -0.12, 0.02),
-    "window-300": Today(-0.02, -0.14, -0.03, 0.19),
-    "spot-300": Today(-0.04, -0.16, -0.04, 0.08),
-    "point-300": Today(-0.06, -0.11, -0.06, 0.05),
+    "rods-300": Today(-0.11, -0.27, -0.10, 0.04),
+    "panel-300": Today(-0.07, -0.20, -0.06, 0.05),
+    "window-300": Today(0.02, -0.12, 0.01, 0.22),
+    "spot-300": Today(-0.01, -0.10, -0.01, 0.10),
+    "point-300": Today(-0.03, -0.09, -0.03, 0.06),
 }
-"""Rooms on which nothing is tuned -> their bounds. The occupancy grid blocks too much near what is thin, and light of a
-panel comes through it alone: see "Limits" of docs/frames.md."""
+"""Rooms on which nothing is tuned -> their bounds. With the occupancy grid in place of triangles the means were
+-.16, -.13, -.02, -.04 and -.06; what is left is lost along edges: see "Limits" of docs/frames.md."""
 
 
 def blocks(values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -57,14 +57,12 @@ def blocks(values: NDArray[np.float64]) -> NDArray[np.float64]:
 def test_light_of_surfaces_is_as_near_to_paths_as_it_was(runtime: Runtime, name: str) -> None:
     room, today = make_scene(name), ROOMS[name]
     camera, lights = room.camera(64, 48), room.own_lights
-    frame = gi.render(room.scene, camera, lights, outputs=("radiance", "indirect", "ao", "gbuffer"), runtime=runtime)
+    frame = gi.render(room.scene, camera, lights, outputs=("radiance", "indirect", "gbuffer"), runtime=runtime)
     seen = frame.gbuffer
     assert seen is not None
     if lights:
-        assert frame.ao is not None
         assert frame.indirect is not None
-        gaps = np.minimum(2.0 * frame.ao, 1.0)[..., None]
-        reflected = np.asarray(seen.albedo, np.float64) / np.pi * gaps * frame.indirect
+        reflected = np.asarray(seen.albedo, np.float64) / np.pi * frame.indirect
     else:  # all light is that of surfaces, whichever pass adds it
         reflected = frame.radiance.astype(np.float64)
     every = gi.truth.radiance(room.scene, camera, lights, PATHS).mean.astype(np.float64)

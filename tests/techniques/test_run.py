@@ -27,6 +27,7 @@ NEEDED = {
     "Reflections": {"light", "lights", "shadows", "occupancy", "volume"},
     "SampledLights": {"scene"},
     "AreaLights": {"scene"},
+    "SmoothEdges": {"scene", "camera"},
     "Upsample": {"reduced"},
     "UpsampleBlur": {"reduced"},
     "ViewImportance": {"occupancy"},

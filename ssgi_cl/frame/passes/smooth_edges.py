@@ -20,7 +20,7 @@ def smooth_edges(build: Build) -> list[Stage]:
 
     def run(r: Declared) -> Plane:
         solid = device_scene(scene_parts(r[SCENE]).solid, build.runtime)
-        return technique.run(solid, r[CAMERA], r[GBUFFER], r[behind])
+        return technique.run(r[GBUFFER], r[behind], scene=solid, camera=r[CAMERA])
 
     return [
         Stage(name="smooth edges", reads=(GBUFFER, SCENE, CAMERA, behind), writes=(SMOOTH,), run=run, on_demand=True)

@@ -46,14 +46,14 @@ class SmoothEdges:
         self._kernel = runtime.kernel("filters/smooth_edges.cl", macros, STRUCTS, most_lanes=8)
         self._smooth = runtime.plane(3, size)
 
-    def run(self, scene: DeviceScene, camera: Camera, gbuffer: DeviceGBuffer, radiance: Plane) -> Plane:
+    def run(self, gbuffer: DeviceGBuffer, radiance: Plane, *, scene: DeviceScene, camera: Camera) -> Plane:
         """Queue the passes; return the smooth radiance, which is there until the next run.
 
         Args:
-            scene: the surfaces.
-            camera: what sees them.
             gbuffer: the surfaces at pixel centres.
             radiance: 3 images, of these.
+            scene: the surfaces.
+            camera: what sees them.
         """
         seen = self._rasterizer.sampled(scene, camera)
         self._kernel.run(

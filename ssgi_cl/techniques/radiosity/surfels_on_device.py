@@ -91,8 +91,12 @@ class DeviceSurfels:
         self._rays = rays
         macros, structs = {**self._grid.macros, "SURFEL_RAYS": int(rays is not None)}, (SCENE_RAYS,)
         self._see, self._sky, self._first = (
-            self.runtime.kernel(f"radiosity/radiosity_{name}.cl", macros, structs)
-            for name in ("visibility", "sky", "first")
+            self.runtime.kernel(path, macros, structs)
+            for path in (
+                "radiosity/radiosity_visibility.cl",
+                "radiosity/radiosity_sky.cl",
+                "radiosity/radiosity_first.cl",
+            )
         )
         self._near = StartTriangles.of(self.runtime, scene, solid)
         self._shares = TriangleShares.of(scene)

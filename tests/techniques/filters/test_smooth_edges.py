@@ -71,7 +71,7 @@ class Drawn:
         plane = self.runtime.plane(3, self.camera.size)
         plane.upload(np.moveaxis(radiance.astype(np.float32), -1, 0))
         with self.runtime.frame():
-            result = self.technique.run(self.scene, self.camera, self.gbuffer, plane)
+            result = self.technique.run(self.gbuffer, plane, scene=self.scene, camera=self.camera)
             return np.moveaxis(result.download(), 0, -1).copy()
 
     def reference(self, radiance: NDArray[Any]) -> NDArray[np.float64]:

@@ -30,6 +30,7 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.render import render
 from ssgi_cl.rasterize.raster.view import gbuffer
 from ssgi_cl.rasterize.scenes import REPORTED, BuiltinScene
+from ssgi_cl.techniques.occupancy.scene_rays import rays_meet_triangles
 from ssgi_cl.truth import Truth, metrics
 from ssgi_cl.tuning.measured_scenes import views_of
 
@@ -210,12 +211,15 @@ def _own_terms(view: BuiltinScene, size: Size, runtime: Runtime, mode: str) -> T
         return found.radiance.astype(np.float64)
 
     def unreflected(scene: Scene, lights: tuple[Light, ...], options: dict[str, Any]) -> Any:
-        found = render(scene, camera, lights, outputs=("radiance", "indirect", "gbuffer"), runtime=runtime, **options)
+        found = render(
+            scene, camera, lights, outputs=("radiance", "ao", "indirect", "gbuffer"), runtime=runtime, **options
+        )
         seen = found.gbuffer
         if found.indirect is None or seen is None:
             return found.radiance.astype(np.float64)
+        gaps = 1.0 if found.ao is None or rays_meet_triangles(scene) else np.minimum(2.0 * found.ao, 1.0)[..., None]
         albedo, depth = (np.asarray(a, np.float64) for a in (seen.albedo, seen.depth))
-        reflected = albedo / np.pi * found.indirect.astype(np.float64)
+        reflected = albedo / np.pi * gaps * found.indirect.astype(np.float64)
         return found.radiance - np.where(np.isfinite(depth)[..., None], reflected, 0.0)
 
     whole, alone = {**MODES[mode], "edges": 0}, DIRECT_ALONE.get(mode)

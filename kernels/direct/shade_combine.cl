@@ -4,19 +4,21 @@
 // L = albedo / pi (E_direct + A E_ambient + E_indirect) + emission. Ambient occlusion A dims
 // ambient light, and indirect light where asked to; with SHADE_BOUNCES it is brightened, colour by
 // colour, by the albedo (Jimenez et al. 2016, "Practical Realtime Strategies for Accurate Indirect
-// Occlusion").
+// Occlusion"). Indirect light of visibility rays that miss occluders close by is dimmed by
+// min(2 A, 1): where two surfaces meet at a right angle, A is 1/2 and each sees the other's light;
+// only gaps have less.
 // Reads:   linear, normal, albedo, emission  with margin; emission if SHADE_EMISSION 1
 //          direct    3 x [rows, columns] W/m^2 (SHADE_DIRECT 1)
 //          visibility  [rows, columns] A (SHADE_AO 1)
 //          indirect  3 x [rows, columns] W/m^2 (SHADE_INDIRECT 1; 2: times A, which it reads
-//                    too)
+//                    too; 3: times min(2 A, 1))
 //          sky_light 3 x [rows, columns] W/m^2 (SHADE_SKY_LIGHT 1; 2: times A, which it reads too)
 //          ambient   W/m^2 (SHADE_AMBIENT 1), see direct/ambient.clh
 //          sky       [sky rows][sky columns][3] latitude-longitude radiance (SHADE_SKY 1), or [3]
 // Writes:  radiance  3 x [rows, columns] W m^-2 sr^-1; the sky's where nothing is
 //          light_over_pi  3 x [rows, columns] irradiance of all light over pi (SHADE_LIGHT 1)
 // Macros:  SHADE_DIRECT, SHADE_AO, SHADE_BOUNCES, SHADE_INDIRECT, SHADE_EMISSION, SHADE_AMBIENT
-//          (any ambient light), SHADE_SKY, SHADE_LIGHT: 0 or 1; SHADE_INDIRECT and
+//          (any ambient light), SHADE_SKY, SHADE_LIGHT: 0 or 1; SHADE_INDIRECT 2 and 3,
 //          SHADE_SKY_LIGHT 2 too; AMBIENT_SIZE, see `ambient`
 // Params:  view to world rotation, margin
 // Launch:  SSGI_LANES pixels of a row per work-item
@@ -149,6 +151,9 @@ __kernel void shade_combine(ssgi_plane linear, ssgi_plane normal, ssgi_plane alb
         const vfloat bounced = ssgi_load(indirect, size, c, x, y);
 #if SHADE_INDIRECT == 2
         light[c] = v_fma(bounced, ssgi_load(visibility, size, 0, x, y), light[c]);
+#elif SHADE_INDIRECT == 3
+        const vfloat gap = ssgi_load(visibility, size, 0, x, y) * 2.0f;
+        light[c] = v_fma(bounced, v_min(gap, v_splat(1.0f)), light[c]);
 #else
         light[c] = light[c] + bounced;
 #endif

@@ -95,7 +95,9 @@ def test_each_term_is_replaced_and_has_a_row(runtime: Runtime, monkeypatch: pyte
         plane, colours = np.full(SIZE, np.float32(1.0)), np.full((*SIZE, 3), np.float32(0.5 * np.pi))
         if "indirect" in outputs:  # of which half is reflected
             seen = SimpleNamespace(albedo=colours, depth=plane)
-            return SimpleNamespace(radiance=np.full((*SIZE, 3), 5.0), indirect=8.0 / np.pi * colours, gbuffer=seen)
+            return SimpleNamespace(
+                radiance=np.full((*SIZE, 3), 5.0), indirect=8.0 / np.pi * colours, ao=0.25 * plane, gbuffer=seen
+            )
         return SimpleNamespace(radiance=np.full((*SIZE, 3), 5.0 if bounces == 1 else 7.0))
 
     monkeypatch.setattr(module.truth, "radiance", true)

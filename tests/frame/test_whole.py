@@ -18,6 +18,7 @@ from ssgi_cl.frame.params import FrameParams, cell_size
 from ssgi_cl.rasterize.raster.rasterizer import Rasterizer
 from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.rasterize.scenes import make_scene
+from ssgi_cl.techniques.occupancy import scene_rays
 
 from .scenes import MAPS, cube, halves, inside, matt, scene_of
 
@@ -109,8 +110,14 @@ def test_the_sky_is_hidden_at_any_distance(runtime: Runtime) -> None:
     assert seen.mean() < 1.6 * direct
 
 
-def test_radiance_is_the_sum_of_its_parts_the_sky_dimmed_by_contacts_within_two_cells(runtime: Runtime) -> None:
-    """Albedo / pi (A E_sky + E_bounces), with A of two cells of the occupancy grid."""
+@pytest.mark.parametrize("many", [False, True])
+def test_radiance_is_the_sum_of_its_parts_dimmed_by_contacts_within_two_cells(
+    runtime: Runtime, monkeypatch: pytest.MonkeyPatch, *, many: bool
+) -> None:
+    """Albedo / pi (A E_sky + E_bounces), with A of two cells of the occupancy grid. Of scenes of so many triangles that
+    rays go through its cells, bounces are dimmed by min(2 A, 1)."""
+    if many:
+        monkeypatch.setattr(scene_rays, "MOST_TRIANGLES", 1)
     scene = cube(0.5, 0.0, sides=5)
     camera = gi.Camera.look_at((-0.7, -0.7, 0.2), (-1.0, -1.0, 0.0), yfov=0.5, width=64, height=48)  # of an edge
     whole = FrameParams(preset="medium").whole
@@ -130,7 +137,7 @@ def test_radiance_is_the_sum_of_its_parts_the_sky_dimmed_by_contacts_within_two_
     )
     a = frame.ao[..., None]
     there = np.isfinite(np.asarray(gbuffer.depth)) & (sky.max(axis=-1) > 0.0)
-    expected = 0.5 / math.pi * (a * sky + frame.indirect)
+    expected = 0.5 / math.pi * (a * sky + (np.minimum(2.0 * a, 1.0) if many else 1.0) * frame.indirect)
     assert there.mean() > 0.5
     assert np.quantile(frame.ao[there], 0.05) < 0.8  # there is something that it dims
     np.testing.assert_allclose(frame.radiance[there], expected[there], rtol=1e-4)

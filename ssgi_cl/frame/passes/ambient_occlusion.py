@@ -7,9 +7,10 @@ from typing import Any
 from ssgi_cl.core.lights import Environment, shines
 from ssgi_cl.device.arrays import Plane
 from ssgi_cl.frame.passes.build import Build
-from ssgi_cl.frame.passes.resources import AO, AO_PARAMS, GBUFFER, LIGHTS
+from ssgi_cl.frame.passes.resources import AO, AO_PARAMS, CASTING, GBUFFER, LIGHTS
 from ssgi_cl.frame.stage import Declared, Stage, Values
 from ssgi_cl.techniques.catalogue import TECHNIQUES
+from ssgi_cl.techniques.occupancy.scene_rays import rays_meet_triangles
 
 
 def ambient_occlusion(build: Build) -> list[Stage]:
@@ -27,6 +28,8 @@ def ambient_occlusion(build: Build) -> list[Stage]:
     def condition(facts: Values) -> str | None:
         if AO in facts["outputs"] or not dark:
             return None
+        if build.params.kind == "whole" and not rays_meet_triangles(facts[CASTING]):
+            return None  # it stands in for blockers that rays through the grid miss near their ends
         lit = any(isinstance(light, Environment) and shines(light) for light in facts[LIGHTS])
         return None if lit else "no ambient light for it to dim"
 

@@ -4,8 +4,20 @@ from __future__ import annotations
 
 from ssgi_cl.device.arrays import Plane
 from ssgi_cl.frame.passes.build import Build
-from ssgi_cl.frame.passes.resources import AO, DIRECT, GBUFFER, INDIRECT, LOBE_LIGHT, MATT, MULTI_BOUNCE, SKY, SKY_LIGHT
+from ssgi_cl.frame.passes.resources import (
+    AO,
+    CASTING,
+    DIRECT,
+    GBUFFER,
+    INDIRECT,
+    LOBE_LIGHT,
+    MATT,
+    MULTI_BOUNCE,
+    SKY,
+    SKY_LIGHT,
+)
 from ssgi_cl.frame.stage import Declared, Stage
+from ssgi_cl.techniques.occupancy.scene_rays import rays_meet_triangles
 
 
 def combine(build: Build, *light: str, ambient: bool = False) -> Stage:
@@ -33,6 +45,7 @@ def combine(build: Build, *light: str, ambient: bool = False) -> Stage:
             indirect=given.get(INDIRECT),
             multi_bounce=r[MULTI_BOUNCE],
             indirect_ao=params.dims_indirect,
+            gaps=whole and not rays_meet_triangles(r[CASTING]),
             sky_light=given.get(SKY_LIGHT),
             light=lobes,
         )
@@ -40,7 +53,7 @@ def combine(build: Build, *light: str, ambient: bool = False) -> Stage:
 
     return Stage(
         name="combine",
-        reads=(GBUFFER, SKY, MULTI_BOUNCE, *light, *dimmed),
+        reads=(GBUFFER, SKY, MULTI_BOUNCE, *((CASTING,) if whole else ()), *light, *dimmed),
         writes=(MATT, LOBE_LIGHT),
         run=run,
         on_demand=True,

@@ -9,6 +9,7 @@ from ssgi_cl.frame.stage import Declared, Stage
 from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.techniques.multires.multires_splat import MultiresSplat, MultiresSplatParams
 from ssgi_cl.techniques.occupancy.occupancy_grid import MOST_CELLS, Occupancy
+from ssgi_cl.techniques.occupancy.scene_rays import rays_meet_triangles
 
 SURFEL_CAPACITY = 2
 """Most lights that radiosity returns, as a multiple of the surfels asked for."""
@@ -21,24 +22,19 @@ def gather(build: Build) -> Stage:
         runtime,
         build.size,
         MultiresSplatParams(
-            vpls=whole.vpls,
-            visibility=True,
-            grid=MOST_CELLS,
-            interpolation_error=whole.error,
-            light_error=whole.error,
-            importance=False,  # lights that depend on the view flicker as it moves
+            vpls=whole.vpls, visibility=True, grid=MOST_CELLS, interpolation_error=whole.error, light_error=whole.error
         ),
         surfels=SURFEL_CAPACITY * whole.surfels,
     )
 
     def run(r: Declared) -> tuple[Plane, Occupancy | None]:
         maps, seen, casting = r[of.RSM], r[of.GBUFFER], r[of.CASTING]
-        holes = casting.has_holes  # the hierarchy does not know them, the grid does
+        exact = rays_meet_triangles(casting)
         found = splat.gather(
             seen,
             rsms=[] if maps is None else [maps],
-            scene=device_scene(casting, runtime) if holes else None,
-            blockers=None if holes else casting,
+            scene=None if exact else device_scene(casting, runtime),
+            blockers=casting if exact else None,
             surfels=r[of.SURFELS],
             other_light=[plane for plane in (r[of.SKY_LIGHT], r[of.DIRECT]) if plane is not None],
         )

@@ -122,14 +122,16 @@ class Shade(Prepared[ShadeParams]):
         indirect: Plane | None = None,
         multi_bounce: bool | None = None,
         indirect_ao: bool | None = None,
+        gaps: bool = False,
         sky_light: Plane | None = None,
         light: Plane | None = None,
     ) -> Plane:
         """Queue the pass that sums up all light; return the plane of radiance.
 
-        `lit` is the irradiance of punctual lights, and of environments too unless `ambient`. `sky_light` is the
-        irradiance of environments alone; A dims it. `light` receives the irradiance of all light over pi. The rest
-        is as in `run`.
+        `lit` is the irradiance of punctual lights, and of environments too unless `ambient`. With
+        `gaps`, A dims `indirect` only below 1/2, for light whose visibility rays miss near
+        occluders. `sky_light` is the irradiance of environments alone; A dims it. `light` receives
+        the irradiance of all light over pi. The rest is as in `run`.
         """
         if multi_bounce is None:
             multi_bounce = self.params.multi_bounce
@@ -146,7 +148,9 @@ class Shade(Prepared[ShadeParams]):
                 "SHADE_DIRECT": int(lit is not None),
                 "SHADE_AO": int(visibility is not None),
                 "SHADE_BOUNCES": int(multi_bounce and visibility is not None),
-                "SHADE_INDIRECT": 0 if indirect is None else 2 if indirect_ao and visibility is not None else 1,
+                "SHADE_INDIRECT": (
+                    0 if indirect is None else 1 if visibility is None else 2 if indirect_ao else 3 if gaps else 1
+                ),
                 "SHADE_EMISSION": int(gbuffer.emits),
                 "SHADE_SKY_LIGHT": (0 if sky_light is None else 1 if visibility is None else 2),
                 "SHADE_AMBIENT": int(shines),

@@ -16,7 +16,7 @@ from ssgi_cl.device.structs import Struct, floats
 from ssgi_cl.rasterize.raster.device_scene import DeviceScene
 from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.techniques.occupancy.occupancy_grid import OccupancyGrid
-from ssgi_cl.techniques.occupancy.scene_rays import SCENE_RAYS, SceneRays
+from ssgi_cl.techniques.occupancy.scene_rays import SCENE_RAYS, SceneRays, rays_meet_triangles
 from ssgi_cl.techniques.radiosity.air import Air
 from ssgi_cl.techniques.radiosity.many_lights import traced_lights
 from ssgi_cl.techniques.radiosity.sky_directions import sky_directions
@@ -86,8 +86,8 @@ class DeviceSurfels:
         self._shift = np.asarray(scene.origin) - middle
         solid = device_scene(scene, self.runtime)
         self._occupancy = occupancy = self._grid.fill_scene(solid, self.camera.view, self.unit, -half, half)
-        # The hierarchy does not know holes in triangles; the grid does.
-        rays = None if scene.has_holes else SceneRays(self.runtime, scene, self.camera.view, self.unit)
+        exact = rays_meet_triangles(scene)
+        rays = SceneRays(self.runtime, scene, self.camera.view, self.unit) if exact else None
         self._rays = rays
         macros, structs = {**self._grid.macros, "SURFEL_RAYS": int(rays is not None)}, (SCENE_RAYS,)
         self._see, self._sky, self._first = (

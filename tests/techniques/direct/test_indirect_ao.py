@@ -62,8 +62,15 @@ def test_ambient_occlusion_dims_reflected_light_where_asked_to(runtime: Runtime,
     np.testing.assert_allclose(kept, added * dimmed.ao[..., None], rtol=1e-4, atol=1e-6 * plain.radiance.max())
 
 
-@pytest.mark.parametrize(("options", "share"), [({"indirect_ao": True}, lambda a: a), ({}, np.ones_like)])
-def test_occlusion_dims_the_sky_and_bounces_where_asked_to(
+@pytest.mark.parametrize(
+    ("options", "share"),
+    [
+        ({"gaps": True}, lambda a: np.minimum(2.0 * a, 1.0)),
+        ({"gaps": True, "indirect_ao": True}, lambda a: a),
+        ({}, np.ones_like),
+    ],
+)
+def test_gaps_dim_bounces_and_occlusion_dims_the_sky(
     variant_runtime: Runtime, rng: np.random.Generator, options: Any, share: Any
 ) -> None:
     runtime = variant_runtime

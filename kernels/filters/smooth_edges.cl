@@ -15,8 +15,9 @@
 //          place is the centre
 //          places     [2][SMOOTH_STRIDE] steps right of the centre, and below it
 //          faces      [triangles][RASTER_FACE] vertices, material
-//          depth      scene units, INFINITY where nothing is, exceeds the image as much on all
-//          sides normal     3 x likewise, view space radiance   3 x [rows, columns]
+//          depth      scene units, INFINITY where nothing is; with margin, as much on all sides
+//          normal     3 x with margin; view space
+//          radiance   3 x [rows, columns]
 // Writes:  smooth     3 x [rows, columns]
 // Macros:  SMOOTH_PLACES, at most SMOOTH_STRIDE; SMOOTH_FIRST: 0 if the mean has the centre in it,
 //          else 1

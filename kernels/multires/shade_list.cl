@@ -84,10 +84,7 @@ static inline OccupancyCell shade_end(__global const float *restrict records, co
 static inline RaysEnd shade_end(__global const float *restrict records, const int run,
                                 const RaysParams rays)
 {
-    __global const float *restrict light =
-        records + (int)records[run * TREE_RECORD + TREE_TARGET] * TREE_RECORD;
-    return rays_end(v_splat(light[0]), v_splat(light[1]), v_splat(light[2]), v_splat(-light[4]),
-                    v_splat(-light[5]), v_splat(-light[6]), rays);
+    return rays_light(records + (int)records[run * TREE_RECORD + TREE_TARGET] * TREE_RECORD, rays);
 }
 #endif
 #endif

@@ -64,7 +64,7 @@ __kernel void radiosity_first(__global const float *restrict surfels,
                 continue;
             }
 #if SURFEL_RAYS
-            const SurfelEnd end = surfel_light(light, rays);
+            const SurfelEnd end = rays_light(light, rays);
             const vmask seen = lit & ~rays_hidden(nodes, triangles, start, end, lit);
 #else
             const OccupancyCell end = occupancy_end(light, light + 4, grid_box);

@@ -45,7 +45,7 @@ __kernel void radiosity_visibility(__global const float *restrict surfels,
         const vmask wanted = v_gt(w, v_splat(0.0f));
         if (v_any(wanted)) {
 #if SURFEL_RAYS
-            const SurfelEnd end = surfel_light(records + sender * SURFEL_RECORD, rays);
+            const SurfelEnd end = rays_light(records + sender * SURFEL_RECORD, rays);
             const vmask blocked = rays_hidden(nodes, triangles, start, end, wanted);
 #else
             const OccupancyCell end = surfel_start(surfels, stride, sender);

@@ -18,6 +18,7 @@
 // Launch:  SSGI_LANES pixels of a row per work-item
 
 #include "rays/bvh.clh"
+#include "reflections/image.clh"
 #include "reflections/pattern.clh"
 #include "reflections/sky.clh"
 #include "reflections/volume.clh"
@@ -114,6 +115,7 @@ reflect_mirror(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo, ssgi_pla
             const vint ix = v_iclamp(cx - params.margin_columns, 0, size.x - 1);
             const vint iy = v_iclamp(cy - params.margin_rows, 0, size.y - 1);
             const vint gx = ix + params.margin_columns, gy = iy + params.margin_rows;
+            const ReflectPixel pixel = {gx, gy, ix, iy};
             const vfloat seen_u = ssgi_gather(linear, whole, 0, gx, gy);
             vmask shown = ahead & v_ieq(gx, cx) & v_ieq(gy, cy) & v_lt(seen_u, v_splat(INFINITY));
             const vfloat seen =
@@ -175,13 +177,9 @@ reflect_mirror(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo, ssgi_pla
                 reflect_sky(sky, places, wx, wy, wz, angle, params, open);
             }
             for (int c = 0; c < 3; ++c) {
-                // What a rough glossy surface mirrors goes every way, seen from another.
-                const vfloat rest = 1.0f - ssgi_gather(albedo, whole, c, gx, gy);
-                const vfloat spread =
-                    v_max(v_min(ssgi_gather(specular, whole, c, gx, gy), rest), zero);
+                // What a smooth surface mirrors is what the next leg meets.
                 const vfloat image =
-                    v_fma(v_select(spread, zero, smooth), ssgi_gather(light, size, c, ix, iy),
-                          ssgi_gather(radiance, size, c, ix, iy));
+                    reflect_image(pixel, c, smooth, albedo, specular, whole, light, radiance, size);
                 vfloat arriving = v_select(open[c], sent[c], hidden);
                 arriving = v_select(arriving, v_gather(surfaces, own + c), glows);
                 arriving = v_select(arriving, image, shown);

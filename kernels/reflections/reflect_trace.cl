@@ -18,6 +18,7 @@
 // Params:  view to world rotation, margin, see the struct
 // Launch:  SSGI_LANES pixels of a row per work-item
 
+#include "reflections/image.clh"
 #include "reflections/pattern.clh"
 #include "reflections/sky.clh"
 #include "reflections/trace.clh"
@@ -128,6 +129,7 @@ reflect_trace(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo, ssgi_plan
                                           ssgi_gather(normal, whole, 2, hx, hy) * way.z));
         const vint ix = v_iclamp(hx - params.margin_columns, 0, size.x - 1);
         const vint iy = v_iclamp(hy - params.margin_rows, 0, size.y - 1);
+        const ReflectPixel pixel = {hx, hy, ix, iy};
         hit.found = hit.found & v_lt(facing, zero) & v_ieq(ix + params.margin_columns, hx) &
                     v_ieq(iy + params.margin_rows, hy);
         // What the image shows between them does not tell whether the ray passes behind it.
@@ -182,11 +184,8 @@ reflect_trace(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo, ssgi_plan
             }
         }
         for (int c = 0; c < 3; ++c) {
-            // What a glossy surface mirrors goes every way, seen from another.
-            const vfloat left = 1.0f - ssgi_gather(albedo, whole, c, hx, hy);
-            const vfloat spread = v_max(v_min(ssgi_gather(specular, whole, c, hx, hy), left), zero);
-            const vfloat met = v_fma(spread, ssgi_gather(light, size, c, ix, iy),
-                                     ssgi_gather(radiance, size, c, ix, iy));
+            const vfloat met = reflect_image(pixel, c, v_splat_int(0), albedo, specular, whole,
+                                             light, radiance, size);
             vfloat arriving = v_select(open[c], sent[c], blocked);
             arriving = v_select(arriving, met, hit.found);
             sum[c] = sum[c] + v_select(zero, arriving, above);

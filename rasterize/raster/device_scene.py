@@ -93,8 +93,7 @@ _LINEAR_TO_SRGB = np.searchsorted(
 
 def cutouts_of(scene: Scene) -> NDArray[np.int32]:
     """Return the material of each triangle with holes, -1 for others."""
-    cut = np.array([m.has_holes for m in scene.materials])
-    return np.where(cut[scene.material_ids], scene.material_ids, -1).astype(np.int32)
+    return np.where(scene.cut_out, scene.material_ids, -1).astype(np.int32)
 
 
 def triangle_boxes(

@@ -21,8 +21,7 @@ class SceneBvh:
     """
 
     def __init__(self, runtime: Runtime, scene: Scene) -> None:
-        has_holes = np.array([m.has_holes for m in scene.materials])[scene.material_ids]
-        chosen = np.flatnonzero(has_holes)
+        chosen = np.flatnonzero(scene.cut_out)
         number = np.zeros(len(scene.triangles), np.int32)
         number[chosen] = np.arange(1, len(chosen) + 1)
         bvh = bvh_of(scene.positions[scene.triangles], scene.culled_backs, number)

@@ -242,6 +242,11 @@ class Scene(Immutable):
         return np.array([not material.double_sided for material in self.materials])[self.material_ids]
 
     @cached_property
+    def cut_out(self) -> NDArray[np.bool_]:
+        """[triangles] whether a texture's alpha cuts holes into each."""
+        return np.array([material.has_holes for material in self.materials])[self.material_ids]
+
+    @cached_property
     def culls(self) -> bool:
         """Whether the back of any triangle is not there."""
         return bool(self.culled_backs.any())

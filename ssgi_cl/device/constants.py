@@ -103,6 +103,8 @@ VPL_BOUNDS = 7
 """Floats of its bounds, see kernels/vpl/vpl_lists.cl."""
 SURFEL_RECORD = VPL_LIGHT
 """Floats of a surfel as a light: those of a virtual point light."""
+REFLECT_SMOOTH = 4000.0
+"""Gloss from which on rays of reflections are followed exactly: a roughness of .15."""
 AREA_EMITTER = 22
 """Floats of an emissive quadrilateral, see ssgi_cl/techniques/area_lights/emitters.py."""
 AREA_SOURCE = 13

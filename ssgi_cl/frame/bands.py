@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import wraps
@@ -13,13 +12,11 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.errors import DeviceMemoryError
-from ssgi_cl.core.keywords import check_keywords
-from ssgi_cl.core.params import parameter_fields
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.params import FrameParams
-from ssgi_cl.frame.renderer import default_ao_radius
 from ssgi_cl.frame.result import Frame
 from ssgi_cl.frame.skips import chosen_outputs
+from ssgi_cl.frame.whole_call import WholeCall
 from ssgi_cl.techniques.bands import ALIGNED, at_most, fewer_rows, memory_limit
 from ssgi_cl.techniques.filters.tonemap import auto_exposure, tonemap
 
@@ -34,7 +31,6 @@ P = ParamSpec("P")
 
 def rendered_in_bands(render: Callable[P, Frame]) -> Callable[P, Frame]:
     """Make `render` work in bands where it is called with `max_memory`."""
-    signature = inspect.signature(render)
 
     @wraps(render)
     def call(*args: P.args, **kwargs: P.kwargs) -> Frame:
@@ -42,18 +38,9 @@ def rendered_in_bands(render: Callable[P, Frame]) -> Callable[P, Frame]:
         if given is None:
             return render(*args, **kwargs)
         most = memory_limit(given)
-        check_keywords(render, kwargs)
-        arguments = dict(signature.bind(*args, **kwargs).arguments)
-        del arguments["max_memory"]
-        camera = arguments["camera"]
-        if not isinstance(camera, Camera):
-            raise TypeError(f"camera is {camera!r}: expected an ssgi_cl.Camera")
-        params = FrameParams(**{name: arguments[name] for name in arguments if name in parameter_fields(FrameParams)})
+        arguments, camera, params, runtime = WholeCall.of(render, args, kwargs, "max_memory")
         if params.gbuffer or "gbuffer" in (params.outputs or ()):
             raise ValueError(f"max_memory is {most}: expected no G-buffer in the frame, rasterize.gbuffer draws it")
-        runtime = arguments["runtime"] = arguments.get("runtime") or Runtime.open()
-        if params.kind != "whole" and params.needs_radius:
-            arguments["ao_radius"] = default_ao_radius(arguments["scene"], camera, runtime)
         with runtime.lock, at_most(runtime, most):
             return _joined(_bands(render, arguments, params, runtime, most), camera, params, runtime, most)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable
 from dataclasses import replace
 from functools import wraps
@@ -13,17 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core import checks
-from ssgi_cl.core.camera import LARGEST_SIZE, Camera
-from ssgi_cl.core.keywords import check_keywords
-from ssgi_cl.core.params import parameter_fields
+from ssgi_cl.core.camera import LARGEST_SIZE
 from ssgi_cl.core.pixel_places import pixel_places
 from ssgi_cl.device.progress import Progress, part_of, told
-from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.timing import PassTime
-from ssgi_cl.frame.params import FrameParams
-from ssgi_cl.frame.renderer import default_ao_radius
 from ssgi_cl.frame.result import Frame
 from ssgi_cl.frame.skips import chosen_outputs
+from ssgi_cl.frame.whole_call import WholeCall
 from ssgi_cl.techniques.filters.tonemap import auto_exposure, tonemap
 
 MOST_SAMPLES = 1024
@@ -38,31 +33,22 @@ P = ParamSpec("P")
 
 def mean_of_samples(render: Callable[P, Frame]) -> Callable[P, Frame]:
     """Make `render` return the mean of several frames where it is called with `samples`."""
-    signature = inspect.signature(render)
 
     @wraps(render)
     def call(*args: P.args, **kwargs: P.kwargs) -> Frame:
         given: Any = kwargs.get("samples", 1)
+        progress: Any = kwargs.get("progress")
         samples = checks.integer("samples", given, low=1, high=MOST_SAMPLES, unit="samples a pixel")
         if samples == 1:
             return render(*args, **kwargs)
-        check_keywords(render, kwargs)
-        arguments = dict(signature.bind(*args, **kwargs).arguments)
-        del arguments["samples"]
-        camera, progress = arguments["camera"], arguments.pop("progress", None)
-        if not isinstance(camera, Camera):
-            raise TypeError(f"camera is {camera!r}: expected an ssgi_cl.Camera")
-        if max(camera.size) > LARGEST_SIZE - PATTERN + 1:
+        whole = WholeCall.of(render, args, kwargs, "samples", "progress")
+        if max(whole.camera.size) > LARGEST_SIZE - PATTERN + 1:
             raise ValueError(
-                f"samples is {samples}: expected 1 with an image of {camera.size} pixels (rows, columns), whose "
+                f"samples is {samples}: expected 1 with an image of {whole.camera.size} pixels (rows, columns), whose "
                 f"sides exceed {LARGEST_SIZE - PATTERN + 1}"
             )
-        params = FrameParams(**{name: arguments[name] for name in arguments if name in parameter_fields(FrameParams)})
-        runtime = arguments["runtime"] = arguments.get("runtime") or Runtime.open()
-        if params.kind != "whole" and params.needs_radius:
-            arguments["ao_radius"] = default_ao_radius(arguments["scene"], camera, runtime)
-        with runtime.lock:
-            return _mean(render, arguments, camera, params, samples, progress)
+        with whole.runtime.lock:
+            return _mean(render, whole, samples, progress)
 
     return call
 
@@ -78,16 +64,10 @@ def shifts(samples: int) -> tuple[tuple[float, float, int, int], ...]:
     )
 
 
-def _mean(
-    render: Callable[..., Frame],
-    arguments: dict[str, Any],
-    camera: Camera,
-    params: FrameParams,
-    samples: int,
-    progress: Progress,
-) -> Frame:
+def _mean(render: Callable[..., Frame], whole: WholeCall, samples: int, progress: Progress) -> Frame:
     """Return the picture of several samples a pixel, tone-mapped as one."""
-    start, runtime = perf_counter(), arguments["runtime"]
+    start = perf_counter()
+    arguments, camera, params, runtime = whole
     outputs = chosen_outputs(params.outputs)
     pictures = {"image", "radiance"} if outputs is None else set(outputs) - {"gbuffer"}
     inner = None if outputs is None else {"radiance"} | (pictures - {"image"})

@@ -98,6 +98,13 @@ class SurfaceView:
         row, column = self.centres()
         return self.position(row, column, np.where(np.isfinite(self.depth), self.depth, 0.0))
 
+    def in_scene(self, origin: Doubles) -> tuple[Doubles, Doubles, NDArray[np.bool_]]:
+        """Return positions and normals [rows, columns, 3] of the inner image, axes of the world, relative to the
+        origin of a scene; and where something is [rows, columns]."""
+        turn = self.camera.view[:3, :3]
+        position = self.inner(self.positions()) @ turn + (self.camera.position - origin)
+        return position, self.inner(self.normal) @ turn, np.isfinite(self.inner(self.depth))
+
     def centres(self) -> tuple[Doubles, Doubles]:
         """Return row and column of every pixel centre, each [rows, columns]."""
         row, column = np.indices(self.depth.shape) + 0.5

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from ssgi_cl.core import checks
 from ssgi_cl.core.errors import MissingExtraError
 from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.vpls import LUMINANCE
 
 __all__ = [
     "PIXELS_PER_DEGREE",
@@ -67,8 +68,6 @@ NARROW, WIDE = 2.0, 20.0
 narrower, a light that is too bright all over is wider."""
 DARK = 0.01
 """Of the truth's mean luminance: what is added to luminances before their logarithm."""
-LUMINANCE = (0.2126, 0.7152, 0.0722)
-"""Of linear RGB (Rec. 709)."""
 
 
 def rmse(image: ArrayLike, truth: ArrayLike, mask: ArrayLike | None = None) -> float:
@@ -206,7 +205,7 @@ def mottling(image: ArrayLike, truth: ArrayLike, smooth: ArrayLike) -> float:
     value, reference, where = _images(image, truth, smooth)
     lights = []
     for name, array in (("image", value), ("truth", reference)):
-        weights = LUMINANCE if array.shape[2] == 3 else (1.0,)
+        weights = LUMINANCE if array.shape[2] == 3 else np.ones(1)
         light: Doubles = np.where(where, np.where(where[..., None], array, 0.0) @ weights, 0.0)
         if light.min() < 0.0:
             raise ValueError(f"{name} has a luminance of {light.min():g}: expected numbers >= 0")

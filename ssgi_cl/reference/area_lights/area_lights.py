@@ -53,7 +53,8 @@ def area_lights_reference(gbuffer: GBuffer, scene: Scene, side: int = 8) -> Doub
 
     Rays go to side^2 points of each emissive triangle, the middles of equal parts. No emission is textured.
     """
-    at, normal, there = receivers(gbuffer, scene)
+    position, facing, there = SurfaceView.of(gbuffer).in_scene(scene.origin)
+    at, normal = position[there], facing[there]
     corners = scene.positions[scene.triangles].astype(np.float64)
     edges = corners[:, 1:] - corners[:, :1]
     double = np.cross(edges[:, 0], edges[:, 1])
@@ -78,16 +79,6 @@ def area_lights_reference(gbuffer: GBuffer, scene: Scene, side: int = 8) -> Doub
     result = np.zeros((*gbuffer.size, 3))
     result[there] = total
     return result
-
-
-def receivers(gbuffer: GBuffer, scene: Scene) -> tuple[Doubles, Doubles, np.typing.NDArray[np.bool_]]:
-    """Return position and normal [n, 3] of the pixels where something is, in the coordinates of the scene's vertices,
-    and [rows, columns] where that is."""
-    view = SurfaceView.of(gbuffer)
-    there = np.isfinite(view.inner(view.depth))
-    turn = gbuffer.camera.view[:3, :3]
-    eye = gbuffer.camera.position - scene.origin
-    return view.inner(view.positions())[there] @ turn + eye, view.inner(view.normal)[there] @ turn, there
 
 
 def blocked(

@@ -35,18 +35,11 @@ def sampled_lights_reference(
         order: [n / 16, 4, 4] which directions a pixel of a 4 x 4 tile takes.
         texels: along the side of a map.
     """
-    view = SurfaceView.of(gbuffer)
-    row, column = (view.inner(centre) for centre in view.centres())
-    own = view.inner(view.depth)
-    there = np.isfinite(own)
-    turn = gbuffer.camera.view[:3, :3]
-    eye = gbuffer.camera.position - scene.origin
-    position = view.position(row, column, np.where(there, own, 1.0)) @ turn + eye
-    normal = view.inner(view.normal) @ turn
-    total = np.zeros((*own.shape, 3))
+    position, normal, there = SurfaceView.of(gbuffer).in_scene(scene.origin)
+    total = np.zeros((*there.shape, 3))
     if not len(towards):
         return total
-    rows, columns = own.shape
+    rows, columns = there.shape
     order = order[:, np.arange(rows)[:, None] % 4, np.arange(columns) % 4]
     for number, matrix in enumerate(views):
         mine = (order == number).any(axis=0) & there & (normal @ towards[number] > 0.0)

@@ -49,6 +49,16 @@ class AreaLightsKeywords(TypedDict, total=False):
     blur: int
 
 
+class _DeviceEmitters:
+    """The emissive surfaces of a scene in device memory, see `Emitters`; no arrays where there are none."""
+
+    def __init__(self, runtime: Runtime, scene: Scene) -> None:
+        emitters = Emitters.of(scene)
+        self.count, self.channels = len(emitters), emitters.channels
+        if self.count:
+            self.table, self.sources = runtime.array(emitters.table), runtime.array(emitters.sources)
+
+
 class AreaLights(Prepared[AreaLightsParams]):
     """Light of emissive surfaces, prepared for images of one size.
 
@@ -70,9 +80,6 @@ class AreaLights(Prepared[AreaLightsParams]):
             self._steps.append((params.more_rays, runtime.array(_noise(params.more_rays, params.rays))))
         rows, columns = -(-size[0] // AREA_CELL_ROWS), -(-size[1] // AREA_CELL_COLUMNS)
         self._cells = rows * columns
-        self._scene: object = None
-        self._emitters: Emitters | None = None
-        self._arrays: tuple[Any, ...] = ()
 
     def run(self, gbuffer: DeviceGBuffer, *, scene: Scene, direct: Plane | None = None) -> Plane | None:
         """Queue the passes; return irradiance by emissive surfaces and `direct` together.
@@ -80,14 +87,10 @@ class AreaLights(Prepared[AreaLightsParams]):
         3 images, W/m^2; 0 where nothing is. None if there is neither.
         """
         runtime = self.runtime
-        if self._scene is not scene.key:
-            self._scene = None
-            self._emitters = found = Emitters.of(scene)
-            self._arrays = (runtime.array(found.table), runtime.array(found.sources)) if len(found) else ()
-            self._scene = scene.key
-        emitters = self._emitters
-        assert emitters is not None  # noqa: S101  just made
-        if not len(emitters):
+        emitters: _DeviceEmitters = runtime.prepared(
+            (_DeviceEmitters, scene.key), lambda: _DeviceEmitters(runtime, scene), of=scene
+        )
+        if not emitters.count:
             runtime.skip("area_lights", "no surface of the scene emits")
             return direct
         camera = gbuffer.camera
@@ -99,7 +102,7 @@ class AreaLights(Prepared[AreaLightsParams]):
             "eye_x": float(eye[0]), "eye_y": float(eye[1]), "eye_z": float(eye[2]),
             "lift": LIFT * float(np.linalg.norm(np.ptp(scene.bounds, axis=0))),
             "before": self.params.rays / (self.params.rays + self.params.more_rays),
-            "count": len(emitters), "margin_columns": gbuffer.margin[1], "margin_rows": gbuffer.margin[0],
+            "count": emitters.count, "margin_columns": gbuffer.margin[1], "margin_rows": gbuffer.margin[0],
         })  # fmt: skip
         sampled = runtime.transient.plane(2 * channels + 2, self.size)
         light = runtime.transient.plane(3, self.size)
@@ -115,7 +118,7 @@ class AreaLights(Prepared[AreaLightsParams]):
                     (CAMERA, AREA),
                 ).run(
                     self.size, region=region, depth=gbuffer.depth, normal=gbuffer.normal,
-                    emitters=self._arrays[0], sources=self._arrays[1], noise=noise,
+                    emitters=emitters.table, sources=emitters.sources, noise=noise,
                     nodes=bvh.nodes, triangles=bvh.triangles, sampled=sampled, cells=cells,
                     camera=gbuffer.camera_struct, params=values, **given,
                 )  # fmt: skip

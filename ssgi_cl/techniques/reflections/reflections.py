@@ -16,6 +16,7 @@ from ssgi_cl.core.params import Params, Prepared, param, with_fields_described
 from ssgi_cl.core.reflective_shadow_map import ReflectiveShadowMap
 from ssgi_cl.core.scene import Scene, box_corners, mean_emission
 from ssgi_cl.device.arrays import Plane, Size
+from ssgi_cl.device.constants import REFLECT_SMOOTH
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, floats, ints, rotation_values
@@ -45,8 +46,6 @@ REFLECT = Struct(
 
 STRIDE = 4
 """Pixels between those whose means the second pass takes."""
-SMOOTH = 4000.0
-"""Gloss from which on rays are followed exactly: a roughness of .15; see kernels/reflections/pattern.clh."""
 PERFECT = 1e5
 """Gloss from which on a pixel takes what its own mirrored ray meets, and no mean."""
 
@@ -60,7 +59,7 @@ class _Mirrored:
         albedo = np.array([material.albedo for material in scene.materials])
         specular = np.minimum([material.specular for material in scene.materials], 1.0 - albedo)
         matt = albedo.sum(axis=1) / np.maximum((albedo + specular).sum(axis=1), 1e-9)
-        smooth = np.array([material.gloss >= SMOOTH for material in scene.materials])
+        smooth = np.array([material.gloss >= REFLECT_SMOOTH for material in scene.materials])
         surfaces = np.column_stack(
             [np.minimum(emission, BRIGHTEST), emission.any(axis=1), specular * smooth[:, None], matt]
         )
@@ -71,7 +70,7 @@ def _mirrored(scene: Scene, runtime: Runtime) -> _Mirrored | None:
     """Return what smooth surfaces of a scene mirror; None where there are none, or alpha cuts holes that rays would
     not pass."""
     used = scene.used_materials
-    if not any(m.is_glossy and m.gloss >= SMOOTH for m in used) or device_scene(scene, runtime).has_cutouts:
+    if not any(m.is_glossy and m.gloss >= REFLECT_SMOOTH for m in used) or scene.has_holes:
         return None
     kept: _Mirrored = runtime.prepared((_Mirrored, scene.key), lambda: _Mirrored(runtime, scene), of=scene)
     return kept
@@ -170,40 +169,29 @@ class Reflections(Prepared[ReflectionsParams]):
             **occupancy.macros,
         }
         with self._reflected.over(gbuffer.seen) as (reflected, over):
-            self.runtime.kernel("reflections/reflect_trace.cl", macros, (CAMERA, REFLECT)).run(
-                self.size,
-                region=over,
+            arriving: dict[str, Any] = {
                 **seen,
-                radiance=radiance,
-                light=light,
-                sky=self._sky.texels,
-                places=self._sky.places,
-                volume=self._sent,
-                **occupancy.arguments,
-                reflected=reflected,
-                camera=gbuffer.camera_struct,
-                params=params,
+                "radiance": radiance,
+                "light": light,
+                "sky": self._sky.texels,
+                "places": self._sky.places,
+                "volume": self._sent,
+                "reflected": reflected,
+                "camera": gbuffer.camera_struct,
+                "params": params,
+            }
+            self.runtime.kernel("reflections/reflect_trace.cl", macros, (CAMERA, REFLECT)).run(
+                self.size, region=over, **arriving, **occupancy.arguments
             )
             if mirrored is not None:
-                self.runtime.kernel(
-                    "reflections/reflect_mirror.cl",
-                    {"REFLECT_RAYS": self.params.rays, "REFLECT_CELLS": CELLS},
-                    (CAMERA, REFLECT),
-                ).run(
+                few = {name: macros[name] for name in ("REFLECT_RAYS", "REFLECT_CELLS")}
+                self.runtime.kernel("reflections/reflect_mirror.cl", few, (CAMERA, REFLECT)).run(
                     self.size,
                     region=over,
-                    **seen,
-                    radiance=radiance,
-                    light=light,
-                    sky=self._sky.texels,
-                    places=self._sky.places,
-                    volume=self._sent,
+                    **arriving,
                     nodes=mirrored.bvh.nodes,
                     triangles=mirrored.bvh.triangles,
                     surfaces=mirrored.surfaces,
-                    reflected=reflected,
-                    camera=gbuffer.camera_struct,
-                    params=params,
                 )
             mean = self.runtime.transient.plane(3, self.size)
             passes = ((reflected, mean, 1), (mean, radiance, STRIDE))

@@ -159,8 +159,7 @@ class SampledLights(Prepared[SampledLightsParams]):
         stride = -(-triangles // 16) * 16
         planar = np.zeros((9 + scene.culls, stride), np.float32)
         corners = scene.positions[scene.triangles]
-        has_holes = np.array([m.has_holes for m in scene.materials])
-        holes = np.flatnonzero(has_holes[scene.material_ids])
+        holes = np.flatnonzero(scene.cut_out)
         corners[holes] = corners[holes, :1]  # these are drawn by themselves
         planar[:9, :triangles] = corners.reshape(triangles, 9).T
         planar[9:, :triangles] = scene.culled_backs

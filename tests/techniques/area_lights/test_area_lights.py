@@ -16,7 +16,8 @@ from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import gbuffer as drawn
-from ssgi_cl.reference.area_lights.area_lights import area_lights_reference, blocked, polygon_irradiance, receivers
+from ssgi_cl.reference.area_lights.area_lights import area_lights_reference, blocked, polygon_irradiance
+from ssgi_cl.reference.gbuffer import SurfaceView
 from ssgi_cl.techniques.area_lights.emitters import MOST, Emitters
 
 from ..vpl.given import uploaded
@@ -64,13 +65,13 @@ def scene_of(
     )
 
 
-def lamp(emission: ArrayLike = LIGHT, **given: Any) -> Material:
+def area_light(emission: ArrayLike = LIGHT, **given: Any) -> Material:
     values = [float(v) for v in np.broadcast_to(emission, 3)]
     return Material(emission=(values[0], values[1], values[2]), double_sided=False, **given)
 
 
 MATT = Material()
-ROOM = [(FLOOR, MATT), (WALL, MATT), (PANEL, lamp())]
+ROOM = [(FLOOR, MATT), (WALL, MATT), (PANEL, area_light())]
 
 
 def camera_of(kind: str = "perspective", origin: ArrayLike = (0, 0, 0)) -> Camera:
@@ -84,6 +85,12 @@ def lit(runtime: Runtime, scene: Scene, camera: Camera | None = None, overscan: 
     """Irradiance by the technique."""
     seen = drawn(scene, camera or camera_of(), overscan=overscan, runtime=runtime)
     return gi.area_lights(seen, scene=scene, runtime=runtime, **given).astype(np.float64)
+
+
+def receivers(seen: gi.GBuffer, scene: Scene) -> tuple[Doubles, Doubles, NDArray[np.bool_]]:
+    """Positions and normals [n, 3] of the pixels that show something, and [rows, columns] where that is."""
+    position, normal, there = SurfaceView.of(seen).in_scene(scene.origin)
+    return position[there], normal[there], there
 
 
 def test_a_rectangle_overhead_has_the_form_factor_of_the_books() -> None:
@@ -193,7 +200,7 @@ def test_a_lamp_seen_from_behind_is_dark_unless_it_has_two_sides(runtime: Runtim
 
 
 def test_lamps_of_several_colours_keep_them_in_each_other_s_shadow(runtime: Runtime) -> None:
-    red, blue = lamp((4, 0, 0)), lamp((0, 0, 2))
+    red, blue = area_light((4, 0, 0)), area_light((0, 0, 2))
     parts = [(FLOOR, MATT), (TABLE, MATT), (PANEL, red), (((-1.8, 0.2, 1.0), (0, 0.6, 0), (0.0, 0.0, 0.6)), blue)]
     scene = scene_of(parts)
     assert Emitters.of(scene).channels == 3
@@ -210,7 +217,7 @@ def test_an_emissive_mesh_of_thousands_of_triangles_is_a_few_rectangles(runtime:
     ball = trimesh.creation.icosphere(subdivisions=5, radius=0.3)
     ball.apply_translation((0, 1.4, 0))
     assert len(ball.faces) > 20_000
-    scene = scene_of([(FLOOR, MATT), (WALL, MATT)], mesh=ball, of_mesh=lamp((1, 1, 1)))
+    scene = scene_of([(FLOOR, MATT), (WALL, MATT)], mesh=ball, of_mesh=area_light((1, 1, 1)))
     assert len(Emitters.of(scene)) == MOST
     seen = drawn(scene, camera_of(), runtime=runtime)
     at, normal, there = receivers(seen, scene)
@@ -230,15 +237,17 @@ def test_an_emissive_mesh_of_thousands_of_triangles_is_a_few_rectangles(runtime:
 def test_light_is_proportional_to_radiance_up_to_its_greatest(runtime: Runtime) -> None:
     base = lit(runtime, scene_of(ROOM))
     for factor in (1e-12, 1e9, 1e20):
-        bright = scene_of([(FLOOR, MATT), (WALL, MATT), (PANEL, lamp(np.multiply(LIGHT, factor)))])
+        bright = scene_of([(FLOOR, MATT), (WALL, MATT), (PANEL, area_light(np.multiply(LIGHT, factor)))])
         np.testing.assert_allclose(lit(runtime, bright) / factor, base, rtol=1e-4, atol=1e-6)
-    greatest = lit(runtime, scene_of([(FLOOR, MATT), (PANEL, lamp(1e30))]))
+    greatest = lit(runtime, scene_of([(FLOOR, MATT), (PANEL, area_light(1e30))]))
     assert np.isfinite(greatest).all()
 
 
 def test_emitters_without_area_or_with_holes_in_their_numbers_send_nothing(runtime: Runtime) -> None:
     corner, first, _ = PANEL
-    flat = scene_of([(FLOOR, MATT), ((corner, first, first), lamp()), ((corner, (0, 0, 0), (0, 0, 0)), lamp())])
+    flat = scene_of(
+        [(FLOOR, MATT), ((corner, first, first), area_light()), ((corner, (0, 0, 0), (0, 0, 0)), area_light())]
+    )
     assert len(Emitters.of(flat)) == 0
     assert not lit(runtime, flat).any()
     assert not lit(runtime, scene_of([(FLOOR, MATT)])).any()
@@ -253,7 +262,7 @@ def test_a_lamp_inside_a_box_lights_nothing_outside(runtime: Runtime) -> None:
 
 def test_a_lamp_that_fills_the_view_gives_pi_times_its_radiance(runtime: Runtime) -> None:
     near = ((-500.0, 0.2, -500.0), (1000.0, 0, 0), (0, 0, 1000.0))
-    scene = scene_of([(((-1, 0, -1), (0, 0, 2), (2, 0, 0)), MATT), (near, lamp(1.0))])
+    scene = scene_of([(((-1, 0, -1), (0, 0, 2), (2, 0, 0)), MATT), (near, area_light(1.0))])
     camera = Camera.look_at((0, 0.15, 0), (0, 0, 0), (0, 0, 1), yfov=1.0, width=33, height=20)
     # What lies beyond 500 of .2 sees less than 1e-6 of the hemisphere.
     np.testing.assert_allclose(lit(runtime, scene, camera), math.pi, rtol=1e-3)
@@ -267,7 +276,7 @@ def test_textured_emission_sends_that_of_its_mean(runtime: Runtime) -> None:
     textured = Scene(
         origin=scene.origin, positions=scene.positions, normals=scene.normals, uvs=scene.uvs, colors=scene.colors,
         triangles=scene.triangles, material_ids=scene.material_ids, textures=(checks,),
-        materials=(MATT, MATT, lamp(emission_texture=0)),
+        materials=(MATT, MATT, area_light(emission_texture=0)),
     )  # fmt: skip
     np.testing.assert_allclose(lit(runtime, textured), 0.5 * lit(runtime, scene), rtol=1e-5, atol=1e-6)
 
@@ -282,7 +291,7 @@ def test_light_passes_the_holes_that_alpha_cuts_out(runtime: Runtime) -> None:
     pierced = Scene(
         origin=bare.origin, positions=bare.positions, normals=bare.normals, uvs=uvs, colors=bare.colors,
         triangles=bare.triangles, material_ids=bare.material_ids, textures=(texels,),
-        materials=(MATT, MATT, lamp(), Material(texture=0, alpha_cutoff=0.5)),
+        materials=(MATT, MATT, area_light(), Material(texture=0, alpha_cutoff=0.5)),
     )  # fmt: skip
     # v runs along z: what is left is the half towards the wall.
     solid = scene_of([*ROOM, (((-1.5, 1.2, -1.5), (0, 0, 1.5), (3, 0, 0)), MATT)])

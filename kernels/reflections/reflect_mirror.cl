@@ -7,13 +7,13 @@
 // Reads:   linear, normal, albedo, specular, gloss  with margin
 //          radiance  3 x [rows, columns] W m^-2 sr^-1, without lobes
 //          light     3 x [rows, columns] irradiance / pi
-//          sky, places  see sky.clh; volume  see volume.clh
+//          sky, places  see sky.clh; volume  see radiosity/volume.clh
 //          nodes, triangles  see rays/bvh.clh
 //          surfaces  [triangles, 8] emission, W m^-2 sr^-1; 1 where there is any; specular
 //                    reflectance of smooth ones, otherwise 0; the share of what one sends that is
 //                    matt
 // Writes:  reflected 3 x [rows, columns] W m^-2 sr^-1, of smooth surfaces alone
-// Macros:  REFLECT_RAYS (of a pixel), REFLECT_CELLS (of the volume, along a side)
+// Macros:  REFLECT_RAYS (of a pixel), VOLUME_CELLS (of the volume, along a side)
 // Params:  view to world rotation, the eye relative to the scene's origin, margin, see the struct
 // Launch:  SSGI_LANES pixels of a row per work-item
 
@@ -21,10 +21,10 @@
 #include "reflections/image.clh"
 #include "reflections/pattern.clh"
 #include "reflections/sky.clh"
-#include "reflections/volume.clh"
+#include "radiosity/volume.clh"
 
-#if !defined(REFLECT_RAYS) || !defined(REFLECT_CELLS)
-#error "REFLECT_RAYS and REFLECT_CELLS must be defined by the host"
+#if !defined(REFLECT_RAYS) || !defined(VOLUME_CELLS)
+#error "REFLECT_RAYS and VOLUME_CELLS must be defined by the host"
 #endif
 
 #define REFLECT_LIFT 0.0625f // widths of a pixel off the surface at which rays start
@@ -156,7 +156,7 @@ reflect_mirror(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo, ssgi_pla
                 const vfloat qx = m0 * per, qy = m1 * per, qz = m2 * per;
                 const vfloat scale = v_splat(params.per_cell * params.per_unit);
                 // A little before it, as surfaces lie on planes between cells.
-                reflect_volume(volume,
+                volume_radiance(volume,
                                v_fma(params.xx * hx + params.xy * hy + params.xz * hz, scale,
                                      v_fma(qx, v_splat(-0.01f), v_splat(params.cell_x))),
                                v_fma(params.yx * hx + params.yy * hy + params.yz * hz, scale,

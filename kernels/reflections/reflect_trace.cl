@@ -9,11 +9,11 @@
 // Reads:   linear, normal, albedo, specular, gloss  with margin
 //          radiance  3 x [rows, columns] W m^-2 sr^-1, without lobes
 //          light     3 x [rows, columns] irradiance / pi
-//          sky, places  see sky.clh; volume  see volume.clh
+//          sky, places  see sky.clh; volume  see radiosity/volume.clh
 //          occupancy, grid_box  see occupancy/grid.clh
 // Writes:  reflected 3 x [rows, columns] W m^-2 sr^-1; 0 where nothing is glossy
 // Macros:  REFLECT_RAYS (of a pixel), REFLECT_STEPS (of a ray on the screen, at most),
-//          REFLECT_CELLS (of the volume, along a side), OCCUPANCY_CELLS,
+//          VOLUME_CELLS (of the volume, along a side), OCCUPANCY_CELLS,
 //          REFLECT_MIRRORS (0, 1: smooth surfaces are left to reflect_mirror)
 // Params:  view to world rotation, margin, see the struct
 // Launch:  SSGI_LANES pixels of a row per work-item
@@ -22,12 +22,12 @@
 #include "reflections/pattern.clh"
 #include "reflections/sky.clh"
 #include "reflections/trace.clh"
-#include "reflections/volume.clh"
+#include "radiosity/volume.clh"
 #include "occupancy/grid.clh"
 
-#if !defined(REFLECT_RAYS) || !defined(REFLECT_STEPS) || !defined(REFLECT_CELLS) ||                \
+#if !defined(REFLECT_RAYS) || !defined(REFLECT_STEPS) || !defined(VOLUME_CELLS) ||                \
     !defined(REFLECT_MIRRORS)
-#error "REFLECT_RAYS, REFLECT_STEPS, REFLECT_CELLS and REFLECT_MIRRORS must be defined by the host"
+#error "REFLECT_RAYS, REFLECT_STEPS, VOLUME_CELLS and REFLECT_MIRRORS must be defined by the host"
 #endif
 
 #define REFLECT_ASIDE 1.0f // cells between two rays that both must leave the grid
@@ -170,7 +170,7 @@ reflect_trace(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo, ssgi_plan
                 const vfloat jx = reflect_fraction(number * 0.3819660f) - 0.5f;
                 const vfloat jy = reflect_fraction(number * 0.7236068f) - 0.5f;
                 const vfloat jz = reflect_fraction(number * 0.1458980f) - 0.5f;
-                reflect_volume(
+                volume_radiance(
                     volume, params.xx * gx + params.xy * gy + params.xz * gz + params.cell_x + jx,
                     params.yx * gx + params.yy * gy + params.yz * gz + params.cell_y + jy,
                     params.zx * gx + params.zy * gy + params.zz * gz + params.cell_z + jz, wx, wy,

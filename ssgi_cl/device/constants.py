@@ -71,6 +71,9 @@ MULTIRES_TILE = 16
 MULTIRES_CHUNK = 16
 """Tiles that a work-item lists."""
 
+GATHER_TILE = 8
+"""Points along the side of a tile whose points have other rays each; a power of two."""
+
 SUBSPLAT_IMAGES = 5
 """Images of a level of the min-max mipmap, see kernels/multires/variation.clh."""
 SUBSPLAT_EMPTY = -1.0

@@ -25,6 +25,7 @@ def gather(build: Build) -> Stage:
             vpls=whole.vpls, visibility=True, grid=MOST_CELLS, interpolation_error=whole.error, light_error=whole.error
         ),
         surfels=SURFEL_CAPACITY * whole.surfels,
+        rays=whole.rays,
     )
 
     def run(r: Declared) -> tuple[Plane, Occupancy | None]:
@@ -35,7 +36,8 @@ def gather(build: Build) -> Stage:
             rsms=[] if maps is None else [maps],
             scene=None if exact else device_scene(casting, runtime),
             blockers=casting if exact else None,
-            surfels=r[of.SURFELS],
+            surfels=None if exact else r[of.SURFELS],
+            even=r[of.EVEN_LIGHT] if exact else None,
             other_light=[plane for plane in (r[of.SKY_LIGHT], r[of.DIRECT]) if plane is not None],
         )
         if found.occupancy is None and seen.mirrors:
@@ -44,7 +46,7 @@ def gather(build: Build) -> Stage:
 
     return Stage(
         name="bounce",
-        reads=(of.GBUFFER, of.CASTING, of.LIGHTS, of.SURFELS, of.SKY_LIGHT, of.DIRECT),
+        reads=(of.GBUFFER, of.CASTING, of.LIGHTS, of.SURFELS, of.EVEN_LIGHT, of.SKY_LIGHT, of.DIRECT),
         hints=(of.RSM,),
         writes=(of.INDIRECT, of.OCCUPANCY),
         run=run,

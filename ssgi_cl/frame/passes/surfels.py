@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ssgi_cl.frame.passes.build import Build
-from ssgi_cl.frame.passes.resources import CASTING, LIGHT_VOLUME, LIGHTS, RSM, SURFELS
+from ssgi_cl.frame.passes.resources import CASTING, EVEN_LIGHT, LIGHT_VOLUME, LIGHTS, RSM, SURFELS
 from ssgi_cl.frame.stage import Declared, Stage
 from ssgi_cl.techniques.radiosity.radiosity import Radiosity, RadiosityLight, RadiosityParams
 
@@ -17,4 +17,10 @@ def surfels(build: Build) -> Stage:
         maps = r[RSM]
         return radiosity.run(r[CASTING], r[LIGHTS], rsms=[] if maps is None else [maps])
 
-    return Stage(name="radiosity", reads=(CASTING, LIGHTS), hints=(RSM,), writes=(SURFELS, LIGHT_VOLUME), run=run)
+    return Stage(
+        name="radiosity",
+        reads=(CASTING, LIGHTS),
+        hints=(RSM,),
+        writes=(SURFELS, LIGHT_VOLUME, EVEN_LIGHT),
+        run=run,
+    )

@@ -24,10 +24,12 @@ from ssgi_cl.rasterize.raster.device_scene import DeviceScene
 from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.techniques.bands import banded
 from ssgi_cl.techniques.methods import Method, chosen_params
-from ssgi_cl.techniques.multires.multires_grid import MultiresGrid, MultiresGridParams
+from ssgi_cl.techniques.multires.final_gather import FinalGather
+from ssgi_cl.techniques.multires.multires_grid import Level, MultiresGrid, MultiresGridParams
 from ssgi_cl.techniques.multires.multires_published import MultiresPublished, MultiresPublishedParams
 from ssgi_cl.techniques.occupancy.occupancy_grid import Occupancy, OccupancyGrid, check_grid, grid_param
 from ssgi_cl.techniques.occupancy.scene_rays import SceneRays
+from ssgi_cl.techniques.radiosity.even_light import EvenLight
 from ssgi_cl.techniques.technique import Bench, Technique
 from ssgi_cl.techniques.vpl.packed_vpls import DeviceVpls, VplChooser, power_of_two
 from ssgi_cl.techniques.vpl.tile_boxes import BOX, bound_tiles, tiles_of
@@ -134,6 +136,7 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
         size: (rows, columns) of the result.
         params: see `MultiresSplatParams`.
         surfels: how many lights in world space `run` takes at most, besides those from maps.
+        rays: of each point, for `even` light; 0: none is given.
 
     Attributes:
         grid: which pixels were computed; see `MultiresGrid`.
@@ -144,10 +147,17 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
     """Name of the pass that is reported as skipped without light."""
 
     def __init__(
-        self, runtime: Runtime, size: Size, params: MultiresSplatParams | None = None, *, surfels: int = 0
+        self,
+        runtime: Runtime,
+        size: Size,
+        params: MultiresSplatParams | None = None,
+        *,
+        surfels: int = 0,
+        rays: int = 0,
     ) -> None:
         self.runtime = runtime
         self.size = size
+        self._final = FinalGather(runtime, rays) if rays else None
         self._params = params = params or MultiresSplatParams()
         self.grid = MultiresGrid(runtime, size, params)
         most = -(-params.vpls // 16) * 16 + surfels if surfels else params.vpls
@@ -177,10 +187,11 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
         surfels: WorldVpls | None = None,
         other_light: Sequence[Plane] = (),
         blockers: Scene | None = None,
+        even: EvenLight | None = None,
     ) -> Plane:
         """Queue the passes; return the plane of irradiance, see `gather`."""
         return self.gather(
-            gbuffer, vpls, rsms=rsms, scene=scene, surfels=surfels, other_light=other_light, blockers=blockers
+            gbuffer, vpls, rsms=rsms, scene=scene, surfels=surfels, other_light=other_light, blockers=blockers, even=even
         ).irradiance
 
     def gather(
@@ -193,6 +204,7 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
         surfels: WorldVpls | None = None,
         other_light: Sequence[Plane] = (),
         blockers: Scene | None = None,
+        even: EvenLight | None = None,
     ) -> Gathered:
         """Queue the passes; return irradiance, and what blocked light.
 
@@ -204,15 +216,22 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
                 shares of the mean of all light.
             blockers: with `visibility`, the scene whose triangles block light, without holes: rays meet these in
                 place of the grid's cells, and lights are chosen without `importance`.
+            even: with `blockers`, more light of its surfaces, such as `Radiosity` returns: rays find what is the same
+                all over (see `FinalGather`), the rest is that of lights. `surfels` is None.
 
         Raises:
-            ValueError: the G-buffer is empty or has another size, there are too many lights, or `blockers` is given
-                without `visibility`.
+            ValueError: the G-buffer is empty or has another size, there are too many lights, `blockers` is given
+                without `visibility`, or `even` without rays or `blockers` or with `surfels`.
         """
         camera = camera_of(gbuffer, self.size)
         if blockers is not None and self._occupancy is None:
             raise ValueError("blockers is a Scene: expected None without visibility, with which alone light is blocked")
-        if not (rsms if vpls is None else vpls) and surfels is None:
+        final = self._final if even is not None else None
+        if even is not None:
+            if blockers is None or surfels is not None or final is None:
+                raise ValueError("even is EvenLight: expected None without rays or blockers, or with surfels")
+            surfels = even.bright
+        if not (rsms if vpls is None else vpls) and surfels is None and even is None:
             return Gathered(self._no_light.skipped(), None)
         params, tree = self.params, self.tree
         levels = self.grid.levels(gbuffer, tree.limits)
@@ -234,13 +253,18 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
         rays = None
         if blockers is not None:
             rays = SceneRays(self.runtime, blockers, camera.view, self._lights.unit)
+            if final is not None and even is not None:
+                final.enter(blockers, even.volume, camera)
         tree.update()
         values = {"cutoff": params.scaled_cutoff(self._lights.unit), "refine": params.refine}
-        tree.measure(
-            coarsest.source, coarsest.list, values, params.interpolation_error, params.light_error, other_light
-        )
         for level in chain([coarsest], levels):
-            tree.shine(level.source, level.list, level.most, level.fractions, level.values, values, occupancy, rays)
+            if final is not None and rays is not None:
+                final.shine(level, rays, self._lights.values["per_unit"])
+            if level is coarsest:
+                known = [*other_light, *([] if final is None else [level.values])]
+                tree.measure(level.source, level.list, values, params.interpolation_error, params.light_error, known)
+            if self._lights.count:
+                tree.shine(level.source, level.list, level.most, level.fractions, level.values, values, occupancy, rays)
         return Gathered(self.grid.result, occupancy)
 
     def block(self, gbuffer: DeviceGBuffer, scene: Scene) -> Occupancy:

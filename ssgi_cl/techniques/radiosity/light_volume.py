@@ -14,6 +14,8 @@ CELLS = 32
 """Cells along a side of the volume."""
 FAINT = 1e-3
 """Area that surfaces from another cell are given in an empty one, in sides of a cell squared."""
+BRIGHTEST = 1e30
+"""W m^-2 sr^-1: more counts as this."""
 FACES = 6
 """Directions that surfaces of a cell face: +x, -x, +y, -y, +z, -z."""
 
@@ -74,6 +76,11 @@ class LightVolume:
     def area(self) -> Doubles:
         """[CELLS, CELLS, CELLS, FACES] float64, in sides of cells squared."""
         return self._sides[1]
+
+    @property
+    def packed(self) -> NDArray[np.float32]:
+        """[CELLS, CELLS, CELLS, FACES, 4] float32: radiance and area, as kernels/radiosity/volume.clh reads them."""
+        return np.concatenate([np.minimum(self.radiance, BRIGHTEST), self.area[..., None]], axis=-1, dtype=np.float32)
 
     @cached_property
     def _sides(self) -> tuple[Doubles, Doubles]:

@@ -20,6 +20,7 @@ from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.techniques.direct.shadow_maps import checked_lights
 from ssgi_cl.techniques.occupancy.occupancy_grid import GRIDS
+from ssgi_cl.techniques.radiosity.even_light import EvenLight, even_and_bright
 from ssgi_cl.techniques.radiosity.light_volume import LightVolume, SentLight
 from ssgi_cl.techniques.radiosity.sky_directions import sky_directions
 from ssgi_cl.techniques.radiosity.surfels import Surfels
@@ -85,12 +86,14 @@ class RadiosityKeywords(TypedDict, total=False):
 
 
 class RadiosityLight(NamedTuple):
-    """Light that the surfaces of a scene send, in the two forms that its readers take."""
+    """Light that the surfaces of a scene send, in the forms that its readers take."""
 
     lights: WorldVpls | None
     """All but the first bounce of maps' lights; None where it is black."""
     volume: LightVolume
     """All of it, emission included."""
+    even: EvenLight | None
+    """That of `lights`."""
 
 
 class Radiosity(Prepared[RadiosityParams]):
@@ -178,7 +181,7 @@ class Radiosity(Prepared[RadiosityParams]):
         device, surfels = self._device, self._device.surfels
         if not len(surfels):
             self.irradiance, self.vpls, self.bounces = np.zeros((0, 3)), None, 0
-            return RadiosityLight(None, self._volume(self._of_maps(records) or SentLight.none()))
+            return RadiosityLight(None, self._volume(self._of_maps(records) or SentLight.none()), None)
         ways, solid, radiance = sky_directions(environments, self.params.directions)
         # Kernels count light in that of the brightest source, so that none leaves their range.
         scale = max(math.pi * float(max(radiance.max(), surfels.emission.max())), 1e-30)
@@ -199,8 +202,14 @@ class Radiosity(Prepared[RadiosityParams]):
         assert parts is not None  # noqa: S101  those of surfels have some
         own = SentLight(parts.position, parts.normal, parts.area, parts.flux)
         shine = self.vpls.flux.any()
-        lights = WorldVpls(self.runtime, self.vpls, device.camera.position) if shine else None
-        return RadiosityLight(lights, self._volume(own, self._of_maps(records)))
+        volume = self._volume(own, self._of_maps(records))
+        if not shine:
+            return RadiosityLight(None, volume, None)
+        even, bright = even_and_bright(self.vpls)
+        lights, few = (
+            WorldVpls(self.runtime, each, device.camera.position) if len(each) else None for each in (self.vpls, bright)
+        )
+        return RadiosityLight(lights, volume, EvenLight(self._volume(even), few))
 
     def _volume(self, own: SentLight, also: SentLight | None = None) -> LightVolume:
         """Return the light in the scene's cube; see `LightVolume`."""

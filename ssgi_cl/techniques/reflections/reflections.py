@@ -164,7 +164,7 @@ class Reflections(Prepared[ReflectionsParams]):
         macros = {
             "REFLECT_RAYS": self.params.rays,
             "REFLECT_STEPS": self.params.steps,
-            "REFLECT_CELLS": CELLS,
+            "VOLUME_CELLS": CELLS,
             "REFLECT_MIRRORS": int(mirrored is not None),
             **occupancy.macros,
         }
@@ -184,7 +184,7 @@ class Reflections(Prepared[ReflectionsParams]):
                 self.size, region=over, **arriving, **occupancy.arguments
             )
             if mirrored is not None:
-                few = {name: macros[name] for name in ("REFLECT_RAYS", "REFLECT_CELLS")}
+                few = {name: macros[name] for name in ("REFLECT_RAYS", "VOLUME_CELLS")}
                 self.runtime.kernel("reflections/reflect_mirror.cl", few, (CAMERA, REFLECT)).run(
                     self.size,
                     region=over,
@@ -217,9 +217,7 @@ class Reflections(Prepared[ReflectionsParams]):
         camera = camera_of(gbuffer, self.size)
         if volume is not self._volume:
             self._volume = volume
-            sent = np.minimum(volume.radiance, BRIGHTEST)
-            packed = np.concatenate([sent, volume.area[..., None]], axis=-1)
-            self._sent.upload(packed.astype(np.float32).ravel())
+            self._sent.upload(volume.packed.ravel())
         reach = volume.extent
         per_unit = float(np.float32(1.0 / occupancy.unit))  # as kernels round it
         x, y, z = ((camera.position - volume.low) / volume.side).tolist()

@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: MIT
+// final_gather: irradiance at samples by rays over the hemisphere to the surfaces that they meet.
+//
+// Method:  E = pi / n sum L(y_i), where y_i is what ray i meets first, n rays in proportion to the
+//          cosine, one in each of as many strata of equal weight. L is that of a volume, of the
+//          surfaces round y_i that face the same way. What meets nothing adds nothing.
+//          Samples of a tile of GATHER_TILE x GATHER_TILE have other rays, which together are as
+//          many strata as finer: errors of neighbours differ, and rays of one stratum are alike.
+// Reads:   depth, normal  of the samples' G-buffer, with margin; view space
+//          list     how many samples there are, and so many times row << 16 | column
+//          ways     [GATHER_RAYS][3][GATHER_TILE^2] directions, z along the normal
+//          nodes, triangles  see rays/bvh.clh
+//          volume   see radiosity/volume.clh
+//          fractions   [rows, columns] what the light counts for, see multires_interpolate
+// Writes:  values   3 x [rows, columns], W/m^2: the light is added, at the samples alone
+// Macros:  GATHER_RAYS, VOLUME_CELLS (along a side)
+// Params:  RaysParams; GatherParams: cells of the volume per unit of the hierarchy's space and where
+//          its origin is in cells; length of rays; columns and rows that the tiles are moved by
+// Launch:  any number of work-items, each of which takes every so-many-th piece of SSGI_LANES
+// Cost:    a walk through the hierarchy and 12 reads for each ray
+
+#include "common/camera.clh"
+#include "common/gbuffer.clh"
+#include "multires/cut.clh"
+#include "rays/ends.clh"
+#include "radiosity/volume.clh"
+
+#if !defined(GATHER_RAYS) || !defined(GATHER_TILE)
+#error "the host defines GATHER_RAYS, ssgi_cl/device/constants.py GATHER_TILE, a power of two"
+#endif
+
+#define GATHER_BEFORE 0.01f // cells before a surface, as surfaces lie on planes between cells
+
+__kernel void final_gather(ssgi_plane depth, ssgi_plane normal, __global const int *restrict list,
+                           __global const float *restrict ways, __global const float *restrict nodes,
+                           __global const float *restrict triangles, const RaysParams rays,
+                           __global const float *restrict volume, ssgi_plane fractions,
+                           __global float *restrict values, const int2 size,
+                           const SsgiCamera camera, const VplParams params,
+                           const GatherParams gather)
+{
+    const int listed = list[0];
+    const vfloat zero = v_splat(0.0f);
+    const int pieces = (listed + SSGI_LANES - 1) / SSGI_LANES;
+    for (int turn = 0, own = cut_own(0, pieces); own < pieces; own = cut_own(++turn, pieces)) {
+        const vint pixel = cut_pixels(list, own * SSGI_LANES);
+        const vint column = pixel & 0xffff, row = pixel >> 16;
+        const VplReceiver at = cut_receiver(depth, normal, pixel, size, camera, params);
+        const RaysEnd from = rays_end(at.x, at.y, at.z, at.nx, at.ny, at.nz, rays);
+        // The normal in the space of the hierarchy, and two directions across it (Duff et al. 2017).
+        const vfloat ax = at.nx * rays.xx + at.ny * rays.xy + at.nz * rays.xz;
+        const vfloat ay = at.nx * rays.yx + at.ny * rays.yy + at.nz * rays.yz;
+        const vfloat az = at.nx * rays.zx + at.ny * rays.zy + at.nz * rays.zz;
+        const vfloat per = v_rsqrt(v_max(v_fma(ax, ax, v_fma(ay, ay, az * az)), v_splat(1e-30f)));
+        const vfloat nx = ax * per, ny = ay * per, nz = az * per;
+        const vfloat sign = v_copysign(v_splat(1.0f), nz);
+        const vfloat a = -1.0f / (sign + nz), b = nx * ny * a;
+        const vfloat ux = v_fma(sign * nx * nx, a, v_splat(1.0f)), uy = sign * b, uz = -sign * nx;
+        const vfloat vx = b, vy = v_fma(ny * ny, a, sign), vz = -ny;
+        const vint tile = ((row + gather.rows_on) & (GATHER_TILE - 1)) * GATHER_TILE +
+                          ((column + gather.columns_on) & (GATHER_TILE - 1));
+        vfloat sum[3] = {zero, zero, zero};
+        for (int ray = 0; ray < GATHER_RAYS; ++ray) {
+            __global const float *restrict way = ways + ray * (3 * GATHER_TILE * GATHER_TILE);
+            const vfloat p = v_gather(way, tile);
+            const vfloat q = v_gather(way + GATHER_TILE * GATHER_TILE, tile);
+            const vfloat r = v_gather(way + 2 * GATHER_TILE * GATHER_TILE, tile);
+            const vfloat wx = v_fma(p, ux, v_fma(q, vx, r * nx));
+            const vfloat wy = v_fma(p, uy, v_fma(q, vy, r * ny));
+            const vfloat wz = v_fma(p, uz, v_fma(q, vz, r * nz));
+            const RaysRay line = {
+                from.x, from.y, from.z, wx * gather.reach, wy * gather.reach, wz * gather.reach};
+            const RaysHit hit = rays_closest(nodes, triangles, line, at.there);
+            const vmask met = v_ige(hit.triangle, v_splat_int(0));
+            if (!v_any(met)) {
+                continue;
+            }
+            const vint t = v_iselect(v_splat_int(0), hit.triangle, met) * RAYS_TRIANGLE;
+            const vfloat e0 = v_gather(triangles, t + 3), e1 = v_gather(triangles, t + 4);
+            const vfloat e2 = v_gather(triangles, t + 5), f0 = v_gather(triangles, t + 6);
+            const vfloat f1 = v_gather(triangles, t + 7), f2 = v_gather(triangles, t + 8);
+            const vfloat m0 = v_fma(e1, f2, -(e2 * f1)), m1 = v_fma(e2, f0, -(e0 * f2));
+            const vfloat m2 = v_fma(e0, f1, -(e1 * f0));
+            // Away from the side that the ray meets, of unit length.
+            const vfloat towards = v_fma(m0, wx, v_fma(m1, wy, m2 * wz));
+            const vfloat unit = v_copysign(
+                v_rsqrt(v_max(v_fma(m0, m0, v_fma(m1, m1, m2 * m2)), v_splat(1e-37f))), towards);
+            const vfloat qx = m0 * unit, qy = m1 * unit, qz = m2 * unit;
+            const vfloat scale = v_splat(gather.per_cell);
+            vfloat sent[3];
+            volume_radiance(volume,
+                           v_fma(v_fma(line.wx, hit.where, line.x), scale,
+                                 v_fma(qx, v_splat(-GATHER_BEFORE), v_splat(gather.cell_x))),
+                           v_fma(v_fma(line.wy, hit.where, line.y), scale,
+                                 v_fma(qy, v_splat(-GATHER_BEFORE), v_splat(gather.cell_y))),
+                           v_fma(v_fma(line.wz, hit.where, line.z), scale,
+                                 v_fma(qz, v_splat(-GATHER_BEFORE), v_splat(gather.cell_z))),
+                           qx, qy, qz, sent);
+            for (int c = 0; c < 3; ++c) {
+                sum[c] = sum[c] + v_select(zero, sent[c], met);
+            }
+        }
+        const vint to = row * ssgi_pitch(size) + column;
+        const vfloat share = ssgi_gather(fractions, size, 0, column, row);
+        for (int c = 0; c < 3; ++c) {
+            __global float *restrict image = values + ssgi_index(size, c, 0, 0);
+            const vfloat value =
+                v_min(sum[c] * (3.14159265f / GATHER_RAYS), v_splat(VPL_BRIGHTEST));
+            v_scatter(v_fma(share, value, v_gather(image, to)), image, to);
+        }
+    }
+}

@@ -1,0 +1,121 @@
+"""Final gather: irradiance at the points of a level by rays over the hemisphere to lit surfaces."""
+
+from __future__ import annotations
+
+import math
+import zlib
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.constants import GATHER_TILE
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.device.structs import CAMERA, Struct, floats, ints
+from ssgi_cl.techniques.multires.multires_grid import Level
+from ssgi_cl.techniques.occupancy.scene_rays import SCENE_RAYS, SceneRays
+from ssgi_cl.techniques.radiosity.light_volume import CELLS, FACES, LightVolume
+from ssgi_cl.techniques.vpl.packed_vpls import VPL, packed_params
+from ssgi_cl.techniques.vpl.vpl_tree import CPU_ITEMS
+
+GATHER = Struct(
+    "GatherParams", (*floats("per_cell", "cell_x", "cell_y", "cell_z", "reach"), *ints("columns_on", "rows_on"))
+)
+TILE = GATHER_TILE
+REACH = 1.01
+"""Length of rays, in diagonals of the scene's box."""
+SEED = 7
+
+
+def gather_ways(rays: int) -> NDArray[np.float32]:
+    """Return [n, 3, TILE^2] directions of unit length, z up, in proportion to the cosine; n: the largest square <= rays.
+
+    Those of one of the TILE^2 points of a tile are jittered within n strata of equal weight; those of all points
+    together lie one in each of n TILE^2 strata. Shirley and Chiu 1997, "A Low Distortion Map Between Disk and Square".
+    """
+    side, random = math.isqrt(rays), np.random.default_rng(SEED)
+    row, column = np.divmod(np.arange(side * side), side)
+    within = np.stack([random.permutation(TILE * TILE) for _ in row])
+    down, right = np.divmod(within, TILE)
+    x, y = (
+        2.0 * (stratum[:, None] + (part + random.random(within.shape)) / TILE) / side - 1.0
+        for stratum, part in ((column, right), (row, down))
+    )
+    wide = np.abs(x) > np.abs(y)
+    radius, other = np.where(wide, x, y), np.where(wide, y, x)
+    turn = math.pi / 4.0 * other / np.where(radius == 0.0, 1.0, radius)
+    angle = np.where(wide, turn, math.pi / 2.0 - turn)
+    u, v = radius * np.cos(angle), radius * np.sin(angle)
+    return np.stack([u, v, np.sqrt(np.maximum(1.0 - radius * radius, 0.0))], axis=1).astype(np.float32)
+
+
+class FinalGather:
+    """Irradiance at points by rays to the surfaces that they meet first, whose radiance a volume has.
+
+    After Reichert 1992, "A Two-Pass Radiosity Method Driven by Lights and Viewer Position". Departs: radiance is the mean
+    of the surfaces in a cell of a volume that face the same way.
+
+    Args:
+        runtime: the device.
+        rays: of a point, 4 or more; the largest square up to it is taken.
+    """
+
+    def __init__(self, runtime: Runtime, rays: int) -> None:
+        self.runtime = runtime
+        self._count = math.isqrt(rays) ** 2
+        self._ways = runtime.array(gather_ways(rays))
+        self._volume: LightVolume | None = None
+        self._sent = runtime.empty(CELLS**3 * FACES * 4, np.float32)
+
+    def enter(self, scene: Scene, volume: LightVolume, camera: Camera) -> None:
+        """Upload the light of a scene's surfaces, unless it is that of the latest call."""
+        if volume is not self._volume:
+            self._volume = volume
+            self._sent.upload(volume.packed.ravel())
+        x, y, z = ((np.asarray(scene.origin) - volume.low) / volume.side).tolist()
+        # Another part of the same picture has other rays: means of several converge.
+        turn = zlib.crc32(np.ascontiguousarray(camera.projection).tobytes())
+        self._params = GATHER.pack(
+            {
+                "per_cell": 1.0 / volume.side,
+                "cell_x": x,
+                "cell_y": y,
+                "cell_z": z,
+                "reach": REACH * float(np.linalg.norm(np.ptp(scene.bounds, axis=0))),
+                "columns_on": turn % TILE,
+                "rows_on": turn // TILE % TILE,
+            }
+        )
+
+    def shine(self, level: Level, rays: SceneRays, per_unit: float) -> None:
+        """Queue the pass that adds shares of the irradiance of a level's points to its values.
+
+        Args:
+            level: of the points.
+            rays: through the scene, from view space in units of which scene units have `per_unit`.
+            per_unit: see `rays`.
+        """
+        runtime, source = self.runtime, level.source
+        is_gpu = runtime.info.kind == "gpu"
+        items = 1 << 30 if is_gpu else CPU_ITEMS * runtime.device.max_compute_units
+        runtime.kernel(
+            "multires/final_gather.cl",
+            {"GATHER_RAYS": self._count, "VOLUME_CELLS": CELLS},
+            (CAMERA, VPL, SCENE_RAYS, GATHER),
+        ).run(
+            source.size,
+            grid=(1, min(-(-level.most // runtime.variant.lanes), items)),
+            local=(1, 64 if is_gpu else 1),
+            depth=source.depth,
+            normal=source.normal,
+            list=level.list,
+            ways=self._ways,
+            **rays.arguments,
+            volume=self._sent,
+            fractions=level.fractions,
+            values=level.values,
+            camera=source.camera_struct,
+            params=packed_params({"per_unit": per_unit}, source.margin),
+            gather=self._params,
+        )

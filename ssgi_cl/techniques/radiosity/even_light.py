@@ -1,0 +1,42 @@
+"""Even light: what surfaces send, parted into what rays to all sides find with little noise and a bright rest."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ssgi_cl.core.vpls import LUMINANCE, PARTS, Vpls
+from ssgi_cl.techniques.radiosity.light_volume import LightVolume, SentLight
+from ssgi_cl.techniques.vpl.world_vpls import WorldVpls
+
+EVEN = 2.0
+"""Most exitance of even light, in means of all surfaces. RMS of the logarithm of irradiance that 144 rays a point err by in
+a room lit by a panel: 1.6, 1.3 and 1.7 % with 1, 2 and 4, 3.0 % without a bound."""
+
+
+class EvenLight(NamedTuple):
+    """Light that surfaces send, in two parts whose sum it is."""
+
+    volume: LightVolume
+    """Up to an exitance of `EVEN` means of all surfaces."""
+    bright: WorldVpls | None
+    """What some send beyond it; None where none does."""
+
+
+def even_and_bright(vpls: Vpls) -> tuple[SentLight, Vpls]:
+    """Return what the parts of lights send up to an exitance of `EVEN` means of all, and lights that send the rest.
+
+    Both have the colours of the light given, of which they are the sum.
+    """
+    parts = vpls.parts
+    assert parts is not None  # noqa: S101  those of surfels have some
+    luminance = parts.flux @ LUMINANCE
+    most = EVEN * luminance.sum() / max(float(parts.area.sum()), 1e-300) * parts.area
+    even = parts.flux * np.minimum(1.0, most / np.maximum(luminance, 1e-300))[:, None]
+    rest = (parts.flux - even).reshape(-1, PARTS, 3)
+    chosen = rest.any(axis=(1, 2))
+    own = np.repeat(chosen, PARTS)
+    few = Vpls(parts.position[own], parts.normal[own], rest[chosen].reshape(-1, 3), parts.area[own])
+    bright = Vpls(vpls.position[chosen], vpls.normal[chosen], rest[chosen].sum(axis=1), vpls.area[chosen], few)
+    return SentLight(parts.position, parts.normal, parts.area, even), bright

@@ -14,7 +14,8 @@
 //          fractions   [rows, columns] what the light counts for, see multires_interpolate
 // Writes:  values   3 x [rows, columns], W/m^2: the light is added, at the samples alone
 // Macros:  GATHER_RAYS, VOLUME_CELLS (along a side)
-// Params:  RaysParams; GatherParams: cells of the volume per unit of the hierarchy's space and where
+// Params:  RaysParams; GatherParams: cells of the volume per unit of the hierarchy's space and
+// where
 //          its origin is in cells; length of rays; columns and rows that the tiles are moved by
 // Launch:  any number of work-items, each of which takes every so-many-th piece of SSGI_LANES
 // Cost:    a walk through the hierarchy and 12 reads for each ray
@@ -29,10 +30,12 @@
 #error "the host defines GATHER_RAYS, ssgi_cl/device/constants.py GATHER_TILE, a power of two"
 #endif
 
+#define GATHER_TURNS -0.5f  // component z of normals below which their other directions turn
 #define GATHER_BEFORE 0.01f // cells before a surface, as surfaces lie on planes between cells
 
 __kernel void final_gather(ssgi_plane depth, ssgi_plane normal, __global const int *restrict list,
-                           __global const float *restrict ways, __global const float *restrict nodes,
+                           __global const float *restrict ways,
+                           __global const float *restrict nodes,
                            __global const float *restrict triangles, const RaysParams rays,
                            __global const float *restrict volume, ssgi_plane fractions,
                            __global float *restrict values, const int2 size,
@@ -47,13 +50,15 @@ __kernel void final_gather(ssgi_plane depth, ssgi_plane normal, __global const i
         const vint column = pixel & 0xffff, row = pixel >> 16;
         const VplReceiver at = cut_receiver(depth, normal, pixel, size, camera, params);
         const RaysEnd from = rays_end(at.x, at.y, at.z, at.nx, at.ny, at.nz, rays);
-        // The normal in the space of the hierarchy, and two directions across it (Duff et al. 2017).
+        // The normal in the space of the hierarchy, and two directions across it (Duff et al.
+        // 2017), which turn round where walls are few.
         const vfloat ax = at.nx * rays.xx + at.ny * rays.xy + at.nz * rays.xz;
         const vfloat ay = at.nx * rays.yx + at.ny * rays.yy + at.nz * rays.yz;
         const vfloat az = at.nx * rays.zx + at.ny * rays.zy + at.nz * rays.zz;
         const vfloat per = v_rsqrt(v_max(v_fma(ax, ax, v_fma(ay, ay, az * az)), v_splat(1e-30f)));
         const vfloat nx = ax * per, ny = ay * per, nz = az * per;
-        const vfloat sign = v_copysign(v_splat(1.0f), nz);
+        const vfloat sign =
+            v_select(v_splat(-1.0f), v_splat(1.0f), v_gt(nz, v_splat(GATHER_TURNS)));
         const vfloat a = -1.0f / (sign + nz), b = nx * ny * a;
         const vfloat ux = v_fma(sign * nx * nx, a, v_splat(1.0f)), uy = sign * b, uz = -sign * nx;
         const vfloat vx = b, vy = v_fma(ny * ny, a, sign), vz = -ny;
@@ -89,13 +94,13 @@ __kernel void final_gather(ssgi_plane depth, ssgi_plane normal, __global const i
             const vfloat scale = v_splat(gather.per_cell);
             vfloat sent[3];
             volume_radiance(volume,
-                           v_fma(v_fma(line.wx, hit.where, line.x), scale,
-                                 v_fma(qx, v_splat(-GATHER_BEFORE), v_splat(gather.cell_x))),
-                           v_fma(v_fma(line.wy, hit.where, line.y), scale,
-                                 v_fma(qy, v_splat(-GATHER_BEFORE), v_splat(gather.cell_y))),
-                           v_fma(v_fma(line.wz, hit.where, line.z), scale,
-                                 v_fma(qz, v_splat(-GATHER_BEFORE), v_splat(gather.cell_z))),
-                           qx, qy, qz, sent);
+                            v_fma(v_fma(line.wx, hit.where, line.x), scale,
+                                  v_fma(qx, v_splat(-GATHER_BEFORE), v_splat(gather.cell_x))),
+                            v_fma(v_fma(line.wy, hit.where, line.y), scale,
+                                  v_fma(qy, v_splat(-GATHER_BEFORE), v_splat(gather.cell_y))),
+                            v_fma(v_fma(line.wz, hit.where, line.z), scale,
+                                  v_fma(qz, v_splat(-GATHER_BEFORE), v_splat(gather.cell_z))),
+                            qx, qy, qz, sent);
             for (int c = 0; c < 3; ++c) {
                 sum[c] = sum[c] + v_select(zero, sent[c], met);
             }

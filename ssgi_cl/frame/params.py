@@ -107,9 +107,7 @@ class WholeFrameParams(Params):
     @classmethod
     def ultra(cls, bounces: Bounces = "all") -> WholeFrameParams:
         """Return the most exact preset."""
-        return cls(
-            vpls=16384, surfels=8192, rays=1024, directions=256, map_size=256, error=0.02, bounces=bounces
-        )
+        return cls(vpls=16384, surfels=8192, rays=1024, directions=256, map_size=256, error=0.02, bounces=bounces)
 
 
 PRESETS = {name: getattr(WholeFrameParams, name) for name in get_args(Preset)}

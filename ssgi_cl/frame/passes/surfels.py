@@ -18,9 +18,5 @@ def surfels(build: Build) -> Stage:
         return radiosity.run(r[CASTING], r[LIGHTS], rsms=[] if maps is None else [maps])
 
     return Stage(
-        name="radiosity",
-        reads=(CASTING, LIGHTS),
-        hints=(RSM,),
-        writes=(SURFELS, LIGHT_VOLUME, EVEN_LIGHT),
-        run=run,
+        name="radiosity", reads=(CASTING, LIGHTS), hints=(RSM,), writes=(SURFELS, LIGHT_VOLUME, EVEN_LIGHT), run=run
     )

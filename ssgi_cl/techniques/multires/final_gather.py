@@ -29,10 +29,11 @@ SEED = 7
 
 
 def gather_ways(rays: int) -> NDArray[np.float32]:
-    """Return [n, 3, TILE^2] directions of unit length, z up, in proportion to the cosine; n: the largest square <= rays.
+    """Return [n, 3, TILE^2] directions of unit length, z up, in proportion to the cosine.
 
-    Those of one of the TILE^2 points of a tile are jittered within n strata of equal weight; those of all points
-    together lie one in each of n TILE^2 strata. Shirley and Chiu 1997, "A Low Distortion Map Between Disk and Square".
+    n is the largest square up to `rays`. Those of one of the TILE^2 points of a tile are jittered within n strata of
+    equal weight; those of all points together lie one in each of n TILE^2 strata. Shirley and Chiu 1997, "A Low
+    Distortion Map Between Disk and Square".
     """
     side, random = math.isqrt(rays), np.random.default_rng(SEED)
     row, column = np.divmod(np.arange(side * side), side)
@@ -50,11 +51,21 @@ def gather_ways(rays: int) -> NDArray[np.float32]:
     return np.stack([u, v, np.sqrt(np.maximum(1.0 - radius * radius, 0.0))], axis=1).astype(np.float32)
 
 
+def tile_turn(camera: Camera) -> tuple[int, int]:
+    """Return the columns and rows that tiles are moved by.
+
+    Pictures of other places within the pixels have other rays, so that their mean has less noise; a camera that
+    moves keeps them.
+    """
+    turn = zlib.crc32(np.ascontiguousarray(camera.projection).tobytes())
+    return turn % TILE, turn // TILE % TILE
+
+
 class FinalGather:
     """Irradiance at points by rays to the surfaces that they meet first, whose radiance a volume has.
 
-    After Reichert 1992, "A Two-Pass Radiosity Method Driven by Lights and Viewer Position". Departs: radiance is the mean
-    of the surfaces in a cell of a volume that face the same way.
+    After Reichert 1992, "A Two-Pass Radiosity Method Driven by Lights and Viewer Position". Departs: radiance is the
+    mean of the surfaces in a cell of a volume that face the same way.
 
     Args:
         runtime: the device.
@@ -74,8 +85,7 @@ class FinalGather:
             self._volume = volume
             self._sent.upload(volume.packed.ravel())
         x, y, z = ((np.asarray(scene.origin) - volume.low) / volume.side).tolist()
-        # Another part of the same picture has other rays: means of several converge.
-        turn = zlib.crc32(np.ascontiguousarray(camera.projection).tobytes())
+        columns_on, rows_on = tile_turn(camera)
         self._params = GATHER.pack(
             {
                 "per_cell": 1.0 / volume.side,
@@ -83,8 +93,8 @@ class FinalGather:
                 "cell_y": y,
                 "cell_z": z,
                 "reach": REACH * float(np.linalg.norm(np.ptp(scene.bounds, axis=0))),
-                "columns_on": turn % TILE,
-                "rows_on": turn // TILE % TILE,
+                "columns_on": columns_on,
+                "rows_on": rows_on,
             }
         )
 

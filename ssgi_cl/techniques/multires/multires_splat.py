@@ -25,7 +25,7 @@ from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.techniques.bands import banded
 from ssgi_cl.techniques.methods import Method, chosen_params
 from ssgi_cl.techniques.multires.final_gather import FinalGather
-from ssgi_cl.techniques.multires.multires_grid import Level, MultiresGrid, MultiresGridParams
+from ssgi_cl.techniques.multires.multires_grid import MultiresGrid, MultiresGridParams
 from ssgi_cl.techniques.multires.multires_published import MultiresPublished, MultiresPublishedParams
 from ssgi_cl.techniques.occupancy.occupancy_grid import Occupancy, OccupancyGrid, check_grid, grid_param
 from ssgi_cl.techniques.occupancy.scene_rays import SceneRays
@@ -191,7 +191,14 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
     ) -> Plane:
         """Queue the passes; return the plane of irradiance, see `gather`."""
         return self.gather(
-            gbuffer, vpls, rsms=rsms, scene=scene, surfels=surfels, other_light=other_light, blockers=blockers, even=even
+            gbuffer,
+            vpls,
+            rsms=rsms,
+            scene=scene,
+            surfels=surfels,
+            other_light=other_light,
+            blockers=blockers,
+            even=even,
         ).irradiance
 
     def gather(

@@ -11,8 +11,8 @@ from ssgi_cl.techniques.radiosity.light_volume import LightVolume, SentLight
 from ssgi_cl.techniques.vpl.world_vpls import WorldVpls
 
 EVEN = 2.0
-"""Most exitance of even light, in means of all surfaces. RMS of the logarithm of irradiance that 144 rays a point err by in
-a room lit by a panel: 1.6, 1.3 and 1.7 % with 1, 2 and 4, 3.0 % without a bound."""
+"""Most exitance of even light, in means of all surfaces. Irradiance of a room lit by a panel, from 144 rays a point,
+errs by 1.6, 1.3 and 1.7 % (RMS) with 1, 2 and 4, by 3.0 % without a bound."""
 
 
 class EvenLight(NamedTuple):

@@ -157,13 +157,13 @@ reflect_mirror(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo, ssgi_pla
                 const vfloat scale = v_splat(params.per_cell * params.per_unit);
                 // A little before it, as surfaces lie on planes between cells.
                 volume_radiance(volume,
-                               v_fma(params.xx * hx + params.xy * hy + params.xz * hz, scale,
-                                     v_fma(qx, v_splat(-0.01f), v_splat(params.cell_x))),
-                               v_fma(params.yx * hx + params.yy * hy + params.yz * hz, scale,
-                                     v_fma(qy, v_splat(-0.01f), v_splat(params.cell_y))),
-                               v_fma(params.zx * hx + params.zy * hy + params.zz * hz, scale,
-                                     v_fma(qz, v_splat(-0.01f), v_splat(params.cell_z))),
-                               qx, qy, qz, sent);
+                                v_fma(params.xx * hx + params.xy * hy + params.xz * hz, scale,
+                                      v_fma(qx, v_splat(-0.01f), v_splat(params.cell_x))),
+                                v_fma(params.yx * hx + params.yy * hy + params.yz * hz, scale,
+                                      v_fma(qy, v_splat(-0.01f), v_splat(params.cell_y))),
+                                v_fma(params.zx * hx + params.zy * hy + params.zz * hz, scale,
+                                      v_fma(qz, v_splat(-0.01f), v_splat(params.cell_z))),
+                                qx, qy, qz, sent);
                 ux = v_select(ux, -(params.xx * qx + params.yx * qy + params.zx * qz), hidden);
                 uy = v_select(uy, -(params.xy * qx + params.yy * qy + params.zy * qz), hidden);
                 uz = v_select(uz, -(params.xz * qx + params.yz * qy + params.zz * qz), hidden);

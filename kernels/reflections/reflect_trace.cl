@@ -25,7 +25,7 @@
 #include "radiosity/volume.clh"
 #include "occupancy/grid.clh"
 
-#if !defined(REFLECT_RAYS) || !defined(REFLECT_STEPS) || !defined(VOLUME_CELLS) ||                \
+#if !defined(REFLECT_RAYS) || !defined(REFLECT_STEPS) || !defined(VOLUME_CELLS) ||                 \
     !defined(REFLECT_MIRRORS)
 #error "REFLECT_RAYS, REFLECT_STEPS, VOLUME_CELLS and REFLECT_MIRRORS must be defined by the host"
 #endif

@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Unpack, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.names import MultiresMethod
 from ssgi_cl.core.params import Prepared, param, with_fields_described
@@ -248,8 +249,10 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
             self._lights.upload(vpls, camera)
         elif rsms:
             curve = self._chooser.place(rsms, camera, kinds=1, more=surfels)
-        else:
+        elif surfels is not None or blockers is None:
             self._lights.place(None, camera, more=surfels)
+        else:
+            self._lights.place(None, camera, float(np.abs(_corners_seen(blockers, camera)).max()))
         occupancy = None
         if self._occupancy is not None and blockers is None:
             tiles = bound_tiles(self.runtime, self.grid.half(gbuffer), self._boxes, self._lights)
@@ -277,11 +280,11 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
     def block(self, gbuffer: DeviceGBuffer, scene: Scene) -> Occupancy:
         """Queue the passes that find what blocks rays where nothing shone, for other rays."""
         assert self._occupancy is not None  # noqa: S101  of an object with `visibility`
-        view = camera_of(gbuffer, self.size).view
-        corners = box_corners(scene.bounds) @ view[:3, :3].T + view[:3, 3]
+        camera = camera_of(gbuffer, self.size)
+        corners = _corners_seen(scene, camera)
         unit = power_of_two(float(np.abs(corners).max()))
         solid = device_scene(scene, self.runtime)
-        return self._occupancy.fill_scene(solid, view, unit, corners.min(axis=0), corners.max(axis=0))
+        return self._occupancy.fill_scene(solid, camera.view, unit, corners.min(axis=0), corners.max(axis=0))
 
     def __call__(
         self, gbuffer: GBuffer | DeviceGBuffer, vpls: Vpls, out: NDArray[np.float32] | None = None
@@ -293,6 +296,12 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
             result = self.run(on_device(gbuffer, self.runtime), vpls)
             result.download(np.moveaxis(out, -1, 0))
         return out
+
+
+def _corners_seen(scene: Scene, camera: Camera) -> NDArray[np.float64]:
+    """Return [8, 3] corners of a scene's box in a camera's view space."""
+    found: NDArray[np.float64] = box_corners(scene.bounds) @ camera.view[:3, :3].T + camera.view[:3, 3]
+    return found
 
 
 METHODS: dict[str, Method] = dict(

@@ -75,6 +75,20 @@ def test_a_closed_room_of_one_radiance_gives_pi_of_it(variant_runtime: Runtime, 
     np.testing.assert_allclose(image, 3.0 * math.pi, rtol=2e-6)
 
 
+@pytest.mark.parametrize("scale", [1e-9, 1e9])
+def test_the_size_of_the_scene_does_not_matter(runtime: Runtime, scale: float) -> None:
+    room = cube(0.5)
+    scene = scene_of(np.asarray(room.positions, np.float64) * scale, room.triangles, matt(0.5))
+    camera = gi.Camera.look_at(
+        np.array((0.6, -0.2, 0.5)) * scale, np.array((-1.0, -0.3, -0.8)) * scale, yfov=1.2, width=16, height=12,
+        near=0.01 * scale, far=10.0 * scale,
+    )  # fmt: skip
+    volume = LightVolume(SentLight.none(), np.full(3, -scale), 2.0 * scale)
+    volume.__dict__["_sides"] = even()._sides
+    _, image = found(runtime, scene, camera, EvenLight(volume, None), 16)
+    np.testing.assert_allclose(image, math.pi, rtol=2e-6)
+
+
 def test_what_rays_find_is_what_float64_finds(variant_runtime: Runtime, rng: np.random.Generator) -> None:
     runtime, shift = variant_runtime, np.array((30.0, 0.0, -20.0))
     triangles = rng.uniform(-0.7, 0.7, (12, 1, 3)) + rng.uniform(-0.3, 0.3, (12, 3, 3))

@@ -36,6 +36,7 @@ from ssgi_cl.techniques.radiosity.radiosity import RadiosityParams, radiosity
 from ssgi_cl.techniques.reflections.reflections import reflections
 from ssgi_cl.techniques.rsm.rsm_gather import rsm_gather
 from ssgi_cl.techniques.sampled_lights.sampled_lights import sampled_lights
+from ssgi_cl.techniques.sky_rays.sky_rays import sky_rays
 from ssgi_cl.techniques.ssdo.ssdo import ssdo
 from ssgi_cl.techniques.ssdo.ssdo_params import METHODS
 from ssgi_cl.techniques.technique import Technique
@@ -279,6 +280,11 @@ def sky_lit(given: Inputs, runtime: Runtime) -> Iterator[Array]:
     yield sampled_lights(given.gbuffer, given.lights, scene=given.scene, directions=16, map_size=16, runtime=runtime)
 
 
+def lit_by_sky(given: Inputs, runtime: Runtime) -> Iterator[Array]:
+    """Yield irradiance by an environment, with rays."""
+    yield sky_rays(given.gbuffer, given.lights, scene=given.scene, runtime=runtime)
+
+
 def lit_by_surfaces(given: Inputs, runtime: Runtime) -> Iterator[Array]:
     """Yield irradiance by emissive surfaces."""
     yield area_lights(given.gbuffer, scene=given.scene, runtime=runtime)
@@ -304,6 +310,7 @@ CALLS: Mapping[str, Call] = {
     "radiosity": carried,
     "reflections": mirrored,
     "sampled lights": sky_lit,
+    "sky rays": lit_by_sky,
     "area lights": lit_by_surfaces,
 }
 """Name of a technique, with its method where there are several -> what calls it."""

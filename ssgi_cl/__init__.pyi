@@ -93,6 +93,9 @@ from .techniques.rsm.rsm_published import RsmPublishedParams as RsmPublishedPara
 from .techniques.sampled_lights.sampled_lights import SampledLights as SampledLights
 from .techniques.sampled_lights.sampled_lights import SampledLightsParams as SampledLightsParams
 from .techniques.sampled_lights.sampled_lights import sampled_lights as sampled_lights
+from .techniques.sky_rays.sky_rays import SkyRays as SkyRays
+from .techniques.sky_rays.sky_rays import SkyRaysParams as SkyRaysParams
+from .techniques.sky_rays.sky_rays import sky_rays as sky_rays
 from .techniques.ssdo.ssdo import Ssdo as Ssdo
 from .techniques.ssdo.ssdo import ssdo as ssdo
 from .techniques.ssdo.ssdo_params import SsdoParams as SsdoParams

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 import ssgi_cl as gi
 from ssgi_cl.io import png
-from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, BuiltinScene
+from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, BuiltinScene, make_scene
 
 FOLDER = Path(__file__).parents[1] / "docs/images"
 WIDTH, HEIGHT = 320, 240
@@ -138,6 +138,13 @@ def _sampled_lights() -> tuple[Picture, ...]:
     return _light(np.repeat(math.pi * ao[..., None], 3, axis=-1), light)
 
 
+def _sky_rays() -> tuple[Picture, ...]:
+    built = make_scene("window-1")
+    gbuffer = gi.rasterize.gbuffer(built.scene, built.camera(WIDTH, HEIGHT))
+    sky = [light for light in built.own_lights if isinstance(light, gi.Environment)]
+    return _light(gi.sampled_lights(gbuffer, sky, scene=built.scene), gi.sky_rays(gbuffer, sky, scene=built.scene))
+
+
 def _area_lights() -> tuple[Picture, ...]:
     built, _, gbuffer = _scene("cornell_box")
     return _light(*(gi.area_lights(gbuffer, scene=built.scene, **given) for given in ({"more_rays": 0, "blur": 0}, {})))
@@ -208,6 +215,7 @@ PICTURES: dict[str, Callable[[], tuple[Picture, ...]]] = {
     "upsample": _upsample,
     "shade": _shade,
     "sampled_lights": _sampled_lights,
+    "sky_rays": _sky_rays,
     "area_lights": _area_lights,
     "shadow_maps": _shadow_maps,
     "blended_layers": _blended_layers,

@@ -12,6 +12,7 @@ from __future__ import annotations
 import heapq
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,9 @@ CELLS = 256
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 BRIGHTEST = 1e30
 """W m^-2 sr^-1: brighter texels count as this, so that float32 holds all sums."""
+
+POINTS = 64
+"""Directions that stand for a part of the sphere, a quarter of them for each quarter of the part."""
 
 MOST_TEXELS = 1 << 25
 """Of an image in which others are summed texel by texel; larger ones are resized first."""
@@ -58,6 +62,79 @@ def sample_environments(environments: Sequence[Environment], count: int) -> tupl
     return towards, flux[:, 1:4]
 
 
+@dataclass(frozen=True, eq=False)
+class Strata:
+    """Parts of the sphere of about equal flux that stand for environments.
+
+    Attributes:
+        vectors: [n, 3] integral of direction times radiance, over that of radiance; what is above a surface's
+            horizon gives it n . vector of its flux.
+        flux: [n, 3] W/m^2.
+        spread: [n] half the width of a part, as the sine of an angle.
+        reach: [n] greatest distance of its points from its middle, likewise.
+        solid_angle: [n] sr, of what sends light.
+        points: [n, POINTS, 3] unit vectors, spread as the part's light.
+    """
+
+    vectors: Doubles
+    flux: Doubles
+    spread: Doubles
+    reach: Doubles
+    solid_angle: Doubles
+    points: Doubles
+
+
+def environment_strata(environments: Sequence[Environment], count: int) -> Strata:
+    """Return `count` parts of the sphere, none where the environments send no light. Neighbours in the list are
+    neighbours on the sphere."""
+    cells = sum((_cells(each) for each in environments), np.zeros((CELLS * CELLS, 7)))
+    if not cells[:, 0].any():
+        none = np.zeros((0, 3))
+        empty = np.zeros(0)
+        return Strata(none, none, empty, empty, empty, np.zeros((0, POINTS, 3)))
+    power = cells[:, 0].reshape(CELLS, CELLS)
+    regions = _regions(power, count)
+    sums = np.array([_sum(cells.reshape(CELLS, CELLS, 7), region) for region, _ in regions])
+    shares = np.array([share for _, share in regions])
+    side = math.isqrt(POINTS)
+    row, column = (
+        np.array([sum((n >> 2 * k + first & 1) << k for k in range(3)) for n in range(POINTS)]) for first in (1, 0)
+    )
+    u, v = (column + 0.5) / side, (row + 0.5) / side
+    places = np.empty((count, POINTS, 2))
+    for number, ((top, bottom, left, right), _) in enumerate(regions):
+        some = power[top:bottom, left:right]
+        rows, inside = _drawn(some.sum(axis=1)[None], v)
+        places[number, :, 0] = top + rows + inside
+        columns, inside = _drawn(some[rows], u)
+        places[number, :, 1] = left + columns + inside
+    points = _directions(*np.moveaxis(places / CELLS * 2.0 - 1.0, -1, 0))
+    vectors = sums[:, 4:] / sums[:, :1]
+    # Of an even disc or strip: its half width is the deviation along an axis times the root of 3.
+    off = points - np.einsum("nk,npk->np", _unit(vectors), points)[..., None] * _unit(vectors)[:, None]
+    squared = (off**2).sum(axis=2)
+    spread, reach = np.sqrt(1.5 * squared.mean(axis=1)), np.sqrt(squared.max(axis=1))
+    lit = np.array([np.count_nonzero(power[t:b, x:y]) for (t, b, x, y), _ in regions])
+    return Strata(
+        vectors, sums[:, 1:4] * shares[:, None], spread, reach, lit * shares * (4.0 * math.pi / CELLS**2), points
+    )
+
+
+def _drawn(weights: Doubles, at: Doubles) -> tuple[NDArray[np.intp], Doubles]:
+    """Return the elements of rows of weights [1 or n, m] at the quantiles `at` [n], and the parts of them before."""
+    ends = np.cumsum(weights, axis=1)
+    sought = at * ends[:, -1]
+    found = np.minimum((ends <= sought[:, None]).sum(axis=1), weights.shape[1] - 1)
+    row = np.arange(len(at)) if len(weights) > 1 else 0
+    part = (sought - (ends - weights)[row, found]) / np.maximum(weights[row, found], 1e-300)
+    return found, np.clip(part, 0.0, 1.0)
+
+
+def _unit(vectors: Doubles) -> Doubles:
+    unit: Doubles = vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-300)
+    return unit
+
+
 def solid_angles(rows: int, columns: int) -> Doubles:
     """Return the solid angle of a texel in each row of an image, [rows] in sr."""
     edges = np.cos(np.linspace(0.0, math.pi, rows + 1))
@@ -82,6 +159,11 @@ def cell_directions() -> Doubles:
     """Return the middle of each cell of the map, [CELLS * CELLS, 3]."""
     middle = (np.arange(CELLS) + 0.5) / CELLS * 2.0 - 1.0
     v, u = np.meshgrid(middle, middle, indexing="ij")
+    return _directions(v, u).reshape(-1, 3)
+
+
+def _directions(v: Doubles, u: Doubles) -> Doubles:
+    """Return unit vectors [..., 3] at places of the map, rows v and columns u in [-1, 1]."""
     distance = 1.0 - (np.abs(u) + np.abs(v))
     radius = 1.0 - np.abs(distance)
     safe = np.maximum(radius, 1e-300)
@@ -90,7 +172,8 @@ def cell_directions() -> Doubles:
     across = radius * np.sqrt(2.0 - radius**2)
     x = np.copysign(np.cos(angle), u) * across
     z = np.copysign(np.sin(angle), v) * across
-    return np.stack([x, y, z], axis=-1).reshape(-1, 3)
+    unit: Doubles = np.stack([x, y, z], axis=-1)
+    return unit
 
 
 def _cell_numbers(towards: Doubles) -> NDArray[np.int64]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 
+from ssgi_cl.core.environment_samples import POINTS
 from ssgi_cl.core.vpls import SHARPEST
 
 SSGI_GUARD = 16
@@ -118,6 +119,16 @@ AREA_NOISE = 64
 """Pixels along the side of a tile of numbers that points are drawn with."""
 AREA_CELL_ROWS, AREA_CELL_COLUMNS = 8, 16
 """Pixels of a cell, the eight round which tell whether its shadow rays agree."""
+SKY_STRATUM = 11
+"""Floats of a part of the sphere, see kernels/sky_rays/strata.clh."""
+SKY_POINTS = POINTS
+"""Its directions."""
+SKY_CELL = 32
+"""Pixels along the side of a cell, the nine round which tell what parts of the sphere send light."""
+SKY_ROWS = 2
+"""Rows of which one sends rays to them."""
+SKY_NOISE = 64
+"""Pixels along the side of a tile of numbers that rays are chosen with."""
 FIRST_GROUP = 16
 """Surfels, one after the other, that trace rays to the same virtual point lights."""
 START_FEW = 16

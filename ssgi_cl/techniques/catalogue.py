@@ -18,6 +18,7 @@ from ssgi_cl.techniques.radiosity import radiosity
 from ssgi_cl.techniques.reflections import reflections
 from ssgi_cl.techniques.rsm import rsm_gather
 from ssgi_cl.techniques.sampled_lights import sampled_lights
+from ssgi_cl.techniques.sky_rays import sky_rays
 from ssgi_cl.techniques.ssdo import ssdo
 from ssgi_cl.techniques.technique import Technique
 from ssgi_cl.techniques.vpl import vpl_splat
@@ -35,6 +36,7 @@ CATALOGUE: dict[str, Technique] = {
         multires_splat,
         radiosity,
         sampled_lights,
+        sky_rays,
         area_lights,
         shade,
         reflections,

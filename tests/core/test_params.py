@@ -90,6 +90,7 @@ TYPED: dict[Callable[..., Any], tuple[type[Params], ...]] = {
     gi.radiosity: (gi.RadiosityParams,),
     gi.reflections: (gi.ReflectionsParams,),
     gi.sampled_lights: (gi.SampledLightsParams,),
+    gi.sky_rays: (gi.SkyRaysParams,),
     gi.area_lights: (gi.AreaLightsParams,),
 }
 """Functions with `**params`, and the dataclasses of what these may be."""

@@ -26,6 +26,7 @@ OTHER_FIRST = {"Radiosity": "scene", "Tonemap": "radiance"}
 NEEDED = {
     "Reflections": {"light", "lights", "shadows", "occupancy", "volume"},
     "SampledLights": {"scene"},
+    "SkyRays": {"scene"},
     "AreaLights": {"scene"},
     "SmoothEdges": {"scene", "camera"},
     "Upsample": {"reduced"},

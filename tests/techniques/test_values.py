@@ -172,6 +172,9 @@ CASES = {
         {"radius": 0.2, "offset": 3.0, "position_tolerance": 0.5, "normal_tolerance": 2.5},
     ),
     "sampled_lights": Case(sampled, Params, {"directions": 16, "map_size": 32}, {"power": 3.0}),
+    "sky_rays": Case(
+        lambda given, **params: gi.sky_rays(given.gbuffer, given.lights, scene=given.scene, **params), gi.SkyRaysParams
+    ),
     "area_lights": Case(
         lambda given, **params: gi.area_lights(given.gbuffer, scene=given.scene, **params), gi.AreaLightsParams
     ),

@@ -281,6 +281,7 @@ PARAMETERS: Mapping[str, type[Params]] = {
     "radiosity": gi.RadiosityParams,
     "reflections": gi.ReflectionsParams,
     "sampled_lights": gi.SampledLightsParams,
+    "sky_rays": gi.SkyRaysParams,
     "area_lights": gi.AreaLightsParams,
     "tonemap": gi.TonemapParams,
     "ssdo": gi.SsdoParams,

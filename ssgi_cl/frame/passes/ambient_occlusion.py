@@ -11,6 +11,7 @@ from ssgi_cl.frame.passes.resources import AO, AO_PARAMS, CASTING, GBUFFER, LIGH
 from ssgi_cl.frame.stage import Declared, Stage, Values
 from ssgi_cl.techniques.catalogue import TECHNIQUES
 from ssgi_cl.techniques.occupancy.scene_rays import rays_meet_triangles
+from ssgi_cl.techniques.sky_rays.enclosed import sky_by_rays
 
 
 def ambient_occlusion(build: Build) -> list[Stage]:
@@ -30,8 +31,11 @@ def ambient_occlusion(build: Build) -> list[Stage]:
             return None
         if build.params.kind == "whole" and not rays_meet_triangles(facts[CASTING]):
             return None  # it stands in for blockers that rays through the grid miss near their ends
-        lit = any(isinstance(light, Environment) and shines(light) for light in facts[LIGHTS])
-        return None if lit else "no ambient light for it to dim"
+        if not any(isinstance(light, Environment) and shines(light) for light in facts[LIGHTS]):
+            return "no ambient light for it to dim"
+        if build.params.kind == "whole" and sky_by_rays(facts[CASTING], build.runtime):
+            return "rays find what blocks the light of environments"
+        return None
 
     def run(r: Declared) -> Plane:
         technique.params = r[AO_PARAMS]

@@ -18,6 +18,7 @@ from ssgi_cl.frame.passes.resources import (
 )
 from ssgi_cl.frame.stage import Declared, Stage
 from ssgi_cl.techniques.occupancy.scene_rays import rays_meet_triangles
+from ssgi_cl.techniques.sky_rays.enclosed import sky_by_rays
 
 
 def combine(build: Build, *light: str, ambient: bool = False) -> Stage:
@@ -35,6 +36,8 @@ def combine(build: Build, *light: str, ambient: bool = False) -> Stage:
     def run(r: Declared) -> tuple[Plane, Plane | None]:
         seen = r[GBUFFER]
         given = {name: r[name] for name in (*light, *dimmed)}
+        if AO in given and whole and not params.dims_indirect and sky_by_rays(r[CASTING], build.runtime):
+            del given[AO]  # rays have found all that blocks the sky
         lobes = build.runtime.transient.plane(3, build.size) if whole and seen.mirrors else None
         radiance = build.shade.combine(
             seen,

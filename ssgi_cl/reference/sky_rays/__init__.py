@@ -1,0 +1,1 @@
+"""Numpy references of the light of environments by rays."""

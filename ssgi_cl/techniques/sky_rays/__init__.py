@@ -1,0 +1,1 @@
+"""Light of environments by rays against triangles, in enclosed scenes."""

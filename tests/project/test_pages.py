@@ -138,6 +138,7 @@ PREPARED: dict[str, Callable[[Path], dict[str, Any]]] = {
     "docs/conventions.md": nothing,
     "docs/large_images.md": nothing,
     "docs/light.md": nothing,
+    "docs/motion.md": nothing,
     "docs/window.md": seen,
     "docs/versions.md": nothing,
     "CONTRIBUTING.md": nothing,

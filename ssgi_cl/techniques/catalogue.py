@@ -20,6 +20,7 @@ from ssgi_cl.techniques.rsm import rsm_gather
 from ssgi_cl.techniques.sampled_lights import sampled_lights
 from ssgi_cl.techniques.ssdo import ssdo
 from ssgi_cl.techniques.technique import Technique
+from ssgi_cl.techniques.temporal import accumulate
 from ssgi_cl.techniques.vpl import vpl_splat
 
 CATALOGUE: dict[str, Technique] = {
@@ -41,6 +42,7 @@ CATALOGUE: dict[str, Technique] = {
         tonemap,
         bilateral,
         upsample,
+        accumulate,
     )
 }
 """All techniques by name."""

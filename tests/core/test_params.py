@@ -91,6 +91,7 @@ TYPED: dict[Callable[..., Any], tuple[type[Params], ...]] = {
     gi.reflections: (gi.ReflectionsParams,),
     gi.sampled_lights: (gi.SampledLightsParams,),
     gi.area_lights: (gi.AreaLightsParams,),
+    gi.accumulate: (gi.AccumulateParams,),
 }
 """Functions with `**params`, and the dataclasses of what these may be."""
 

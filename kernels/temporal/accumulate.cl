@@ -84,22 +84,23 @@ __kernel void accumulate(ssgi_plane value, ssgi_plane depth,
     const vfloat own_column = v_to_float(v_iota() + x) + 0.5f;
     const vfloat own_row = v_splat((float)y + 0.5f);
 
+#if ACCUMULATE_MOTION != 3
     // Where a surface that stands still was, in the previous camera's view space.
     const vfloat k = ssgi_k(camera, near);
     const vfloat px = ssgi_slope_x(camera, own_column + (float)params.margin_columns) * k;
     const vfloat py = ssgi_slope_y(camera, own_row + (float)params.margin_rows) * k;
-    const vfloat qx = params.xx * px + params.xy * py - params.xz * near + params.x;
-    const vfloat qy = params.yx * px + params.yy * py - params.yz * near + params.y;
-    const vfloat qz = params.zx * px + params.zy * py - params.zz * near + params.z;
-    vfloat deep = -qz;
+    const vfloat deep = params.zz * near - params.zx * px - params.zy * py - params.z;
+#endif
 #if ACCUMULATE_MOTION
     vfloat across = ssgi_load(motion, whole, 0, at_x, at_y);
     vfloat down = ssgi_load(motion, whole, 1, at_x, at_y);
 #if ACCUMULATE_MOTION == 3
-    deep = near + ssgi_load(motion, whole, 2, at_x, at_y);
+    const vfloat deep = near + ssgi_load(motion, whole, 2, at_x, at_y);
 #endif
 #else
     const vfloat before = ssgi_k(camera_before, v_max(deep, v_splat(1e-30f)));
+    const vfloat qx = params.xx * px + params.xy * py - params.xz * near + params.x;
+    const vfloat qy = params.yx * px + params.yy * py - params.yz * near + params.y;
     vfloat across =
         (ssgi_column(camera_before, qx / before) - (float)params.before_columns) / params.scale_x -
         own_column;

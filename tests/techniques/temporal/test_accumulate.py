@@ -395,6 +395,39 @@ def test_device_gbuffers_give_the_bits_of_host_ones(runtime: Runtime, rng: np.ra
         accumulate(value, now, now, history, runtime=runtime)
 
 
+def test_frames_in_device_memory_give_the_bits_of_the_function(
+    variant_runtime: Runtime, rng: np.random.Generator
+) -> None:
+    # To all sides: taps lie on either side of the pixel.
+    gbuffers = [wall(camera_at(x, 0.5 * x), front=0.0) for x in (0.0, 0.2, 0.1, -0.3, -0.1)]
+    technique = Accumulate(variant_runtime, SIZE, AccumulateParams(fast=1))
+    plane = variant_runtime.plane(1, SIZE)
+    past = before = history = previous = None
+    for gbuffer in gbuffers:
+        value = rng.random(SIZE).astype(np.float32)
+        mean, history = accumulate(value, gbuffer, previous, history, fast=1, runtime=variant_runtime)
+        previous = gbuffer
+        plane.upload(value[None])
+        now = uploaded(variant_runtime, gbuffer)
+        with variant_runtime.frame():
+            past = technique.run(now, plane, previous=before, history=past)  # two histories take turns
+        before = now
+        found = past.download()
+        np.testing.assert_array_equal(found.mean, mean)
+        for name in ("fast", "square", "count", "reasons"):
+            np.testing.assert_array_equal(getattr(found, name), getattr(history, name))
+
+
+def test_depths_a_rounding_apart_are_one_surface_at_any_field_of_view(variant_runtime: Runtime) -> None:
+    camera = Camera.look_at((0, 0, 5), (0, 0, 0), yfov=1e-4, width=SIZE[1], height=SIZE[0])
+    before = wall(camera)
+    now = replace(before, depth=np.nextafter(np.asarray(before.depth, np.float32), np.float32(9.0)))
+    _, history = accumulate(np.zeros(SIZE), before, runtime=variant_runtime)
+    # A rounding is 5e-7 here, a hundredth of a footprint 1.5e-7.
+    _, found = accumulate(np.ones(SIZE), now, before, history, plane_distance=0.01, runtime=variant_runtime)
+    assert not found.begun.any()
+
+
 def test_any_values_and_depths_give_finite_means(variant_runtime: Runtime, rng: np.random.Generator) -> None:
     for orthographic in (False, True):
         history = previous = None

@@ -125,7 +125,7 @@ def _upsample() -> tuple[Picture, ...]:
 
 def _accumulate() -> tuple[Picture, ...]:
     built, _, _ = _scene("hall")
-    forward = 0.02 * np.subtract(built.target, built.eye)
+    forward = 0.004 * np.subtract(built.target, built.eye)
     mean, value, counts, history, previous = np.zeros(0), np.zeros(0), np.zeros(0), None, None
     for frame in range(16):
         place = (15 - frame) * forward

@@ -98,12 +98,12 @@ def film(shots: Iterator[Shot], rays: int, runtime: Runtime, **params: Any) -> F
         if shot.lights:
             maps = [drawn_map(shot.scene, each, size=256, runtime=runtime) for each in shot.lights]
             one = light(gbuffer, shot, number, maps, runtime)
-            made.model.append(np.mean([light(gbuffer, shot, k, maps, runtime) for k in range(16)], axis=0))
+            made.model.append(np.stack([light(gbuffer, shot, k, maps, runtime) for k in range(16)]).mean(axis=0))
             values = {f"{SAMPLES} samples": one}
         else:
             device = on_device(gbuffer, runtime)
             turned = [gtao_of(device, shot, 1000 + k, runtime) for k in range(MODEL)]
-            made.model.append(np.mean(turned, axis=0, dtype=np.float64).astype(np.float32))
+            made.model.append(np.stack(turned).mean(axis=0, dtype=np.float64).astype(np.float32))
             if rays:
                 made.world.append(ray_ao(shot.scene, shot.camera, shot.radius, rays, gbuffer=gbuffer, seed=number))
             one = occlusion(gbuffer, shot, number, FEW, runtime)

@@ -54,6 +54,13 @@ def path_through_the_hall(size: Size, frames: int) -> Iterator[Shot]:
         yield Shot(hall.scene, _camera(eye, aim, hall.yfov, size), hall.ao_radius)
 
 
+def still_camera(size: Size, frames: int) -> Iterator[Shot]:
+    """Yield frames of the hall, in which nothing moves."""
+    hall = make_scene("hall")
+    for _ in range(frames):
+        yield Shot(hall.scene, _camera(hall.eye, hall.target, hall.yfov, size), hall.ao_radius)
+
+
 def turning_object(size: Size, frames: int) -> Iterator[Shot]:
     """Yield frames of a slab that turns before a wall and on a floor, which stand still."""
     wall = quad([(-3, 0, -1), (3, 0, -1), (3, 3, -1), (-3, 3, -1)])
@@ -88,6 +95,7 @@ def hard_cut(size: Size, frames: int) -> Iterator[Shot]:
 
 
 SHOTS: Mapping[str, Callable[[Size, int], Iterator[Shot]]] = {
+    "still camera": still_camera,
     "path through the hall": path_through_the_hall,
     "turning object": turning_object,
     "light switched off": light_that_switches_off,

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: MIT
-// accumulate_clamp: a long mean, brought within what the pixels around show now.
+// accumulate_clamp: a long mean, moved where the pixels around show that it is no longer right.
 //
-// Method:  mean +- some standard deviations of the neighbourhood (Salvi 2016, "An Excursion in
-//          Temporal Supersampling"), of the pixels that show the same surface
+// Method:  the mean difference between source and mean, over the pixels around that show the same
+//          surface, is a change if it exceeds some of its standard errors; then it is added, up to
+//          the least and greatest source there
 // Reads:   blended  ACCUMULATE_COUNT x [rows, columns]: the mean; frames, why: as `accumulate`
 // wrote
 //          source   likewise: the frame's own value, or the mean of few frames
@@ -49,11 +50,11 @@ __kernel void accumulate_clamp(ssgi_plane blended, ssgi_plane frames, ssgi_plane
                            v_select(one, z, there), ssgi_load(normal, whole, 0, at_x, at_y),
                            ssgi_load(normal, whole, 1, at_x, at_y),
                            ssgi_load(normal, whole, 2, at_x, at_y), params.plane_distance);
-        vfloat pixels = zero, sum[ACCUMULATE_COUNT], squares[ACCUMULATE_COUNT],
-               own[ACCUMULATE_COUNT];
+        vfloat pixels = zero, sum[ACCUMULATE_COUNT], squares[ACCUMULATE_COUNT];
+        vfloat least[ACCUMULATE_COUNT], most[ACCUMULATE_COUNT];
         for (int c = 0; c < ACCUMULATE_COUNT; ++c) {
             sum[c] = squares[c] = zero;
-            own[c] = ssgi_load(source, size, c, x, y);
+            least[c] = most[c] = ssgi_load(source, size, c, x, y);
         }
         const int first = max(-ACCUMULATE_REACH, -y);
         const int last = min(ACCUMULATE_REACH, size.y - 1 - y);
@@ -72,24 +73,28 @@ __kernel void accumulate_clamp(ssgi_plane blended, ssgi_plane frames, ssgi_plane
                 const vmask fits = some & v_le(off, point.most) & ~turned;
                 pixels = pixels + v_select(zero, one, fits);
                 for (int c = 0; c < ACCUMULATE_COUNT; ++c) {
-                    // From the pixel's own, so that the difference of the sums keeps its digits.
+                    // Each from its own mean, so that what differs from pixel to pixel is no
+                    // change.
+                    const vfloat now = ssgi_load(source, size, c, x + dx, y + dy);
                     const vfloat step =
-                        v_select(zero, ssgi_load(source, size, c, x + dx, y + dy) - own[c], fits);
+                        v_select(zero, now - ssgi_load(blended, size, c, x + dx, y + dy), fits);
+                    least[c] = v_select(least[c], v_min(least[c], now), fits);
+                    most[c] = v_select(most[c], v_max(most[c], now), fits);
                     sum[c] = sum[c] + step;
                     squares[c] = v_fma(step, step, squares[c]);
                 }
             }
         }
-        const vfloat inverse = 1.0f / v_max(pixels, one); // the pixel itself fits, but for rounding
+        const vfloat inverse = 1.0f / v_max(pixels, one);
         for (int c = 0; c < ACCUMULATE_COUNT; ++c) {
-            const vfloat step = sum[c] * inverse, middle = own[c] + step;
-            const vfloat variance = v_max(v_fma(-step, step, squares[c] * inverse), zero);
-            const vfloat reach = v_fma(v_sqrt(variance), v_splat(params.clamp_sigma),
-                                       v_abs(middle) * ACCUMULATE_ROUNDING);
             const vfloat was = ssgi_load(blended, size, c, x, y);
-            const vfloat is = v_min(v_max(was, middle - reach), middle + reach);
-            changed |= longer & v_ne(is, was);
-            ssgi_store(v_select(was, is, longer), mean, size, c, x, y, 0.0f);
+            // Of steps that are 0 on average, the root of the sum of squares is that of the sum.
+            const vfloat error = v_max(v_sqrt(squares[c]) * params.clamp_sigma,
+                                       v_abs(was) * pixels * ACCUMULATE_ROUNDING);
+            const vmask beyond = longer & v_lt(error, v_abs(sum[c]));
+            const vfloat moved = v_min(v_max(v_fma(sum[c], inverse, was), least[c]), most[c]);
+            changed |= beyond;
+            ssgi_store(v_select(was, moved, beyond), mean, size, c, x, y, 0.0f);
         }
     } else {
         for (int c = 0; c < ACCUMULATE_COUNT; ++c) {

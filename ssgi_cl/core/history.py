@@ -30,7 +30,7 @@ class Reset(IntFlag):
     NORMAL = 64
     """Its normal is another."""
     CHANGED = 128
-    """Not begun anew: the mean was beyond what is seen now, and stands for few frames from here on."""
+    """Not begun anew: the mean was no longer right and moved, and stands for few frames from here on."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,7 @@ STILL = 1.0 / 512.0
 ROUNDING = 1e-6
 """Of positions in float32, as a share of how far they are; it is added to the distance from the plane."""
 CHANGE = 1e-5
-"""Share of a mean below which it does not count as clamped."""
+"""Share of a mean below which a difference is no change."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,8 +35,8 @@ class Accumulation:
     limit: int = 32
     fast: int = 4
     clamp: str = "neighbourhood"
-    clamp_sigma: float = 1.0
-    clamp_radius: int = 2
+    clamp_sigma: float = 3.0
+    clamp_radius: int = 3
     plane_distance: float = 2.0
     normal_angle: float = 0.5
 
@@ -210,7 +210,7 @@ def _clamped(
     view: SurfaceView,
     params: AccumulateParams | Accumulation,
 ) -> tuple[Doubles, Doubles, NDArray[np.int_]]:
-    """Return mean, count and reasons with long means within the moments of the neighbourhood."""
+    """Return mean, count and reasons with long means moved where the neighbourhood shows a change."""
     rows, columns = view.size
     there = np.isfinite(view.depth)
     row, column = view.centres()
@@ -220,6 +220,7 @@ def _clamped(
     y, x = np.indices(view.size)
     pixels = np.zeros(view.size)
     sums, squares = np.zeros_like(source), np.zeros_like(source)
+    low, high = source, source
     reach = params.clamp_radius
     for dy in range(-reach, reach + 1):
         for dx in range(-reach, reach + 1):
@@ -228,14 +229,15 @@ def _clamped(
             fits = inside & there[ty, tx] & (point.off(position[ty, tx]) <= point.most)
             fits &= (normal * normal[ty, tx]).sum(axis=-1) >= math.cos(params.normal_angle)
             pixels += fits
-            step = np.where(fits[..., None], source[ty, tx] - source, 0.0)
+            step = np.where(fits[..., None], source[ty, tx] - mean[ty, tx], 0.0)
+            low = np.where(fits[..., None], np.minimum(low, source[ty, tx]), low)
+            high = np.where(fits[..., None], np.maximum(high, source[ty, tx]), high)
             sums += step
             squares += step**2
     most = np.maximum(pixels, 1.0)[..., None]
-    middle = source + sums / most
-    sigma = np.sqrt(np.maximum(squares / most - (sums / most) ** 2, 0.0))
-    width = params.clamp_sigma * sigma + CHANGE * np.abs(middle)
     longer = there & (count > params.fast)
-    limited = np.where(longer[..., None], np.clip(mean, middle - width, middle + width), mean)
-    changed = (limited != mean).any(axis=-1)
-    return (limited, np.where(changed, params.fast, count), reasons + np.where(changed, int(Reset.CHANGED), 0))
+    least = np.maximum(params.clamp_sigma * np.sqrt(squares), CHANGE * pixels[..., None] * np.abs(mean))
+    beyond = longer[..., None] & (np.abs(sums) > least)
+    changed = beyond.any(axis=-1)
+    moved: Doubles = np.where(beyond, np.clip(mean + sums / most, low, high), mean)
+    return moved, np.where(changed, params.fast, count), reasons + np.where(changed, int(Reset.CHANGED), 0)

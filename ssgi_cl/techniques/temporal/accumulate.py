@@ -61,13 +61,16 @@ class AccumulateParams(Params):
     )
     clamp: Clamp = param(
         "neighbourhood",
-        "what limits a mean: the values of the neighbourhood in this frame, the fast mean there, or nothing",
+        "what a long mean is held to, in its neighbourhood: the values of this frame, the fast means, or nothing",
         choices=get_args(Clamp),
     )
     clamp_sigma: float = param(
-        1.0, "standard deviations of the neighbourhood that a mean may be off its middle", low=0.0, high=1e3
+        3.0,
+        "standard errors up to which the mean difference there is no change; of n pixels never more than the root of n",
+        low=0.0,
+        high=1e3,
     )
-    clamp_radius: int = param(2, "pixels on either side that are the neighbourhood", low=1, high=8, unit="px")
+    clamp_radius: int = param(3, "pixels on either side that are the neighbourhood", low=1, high=8, unit="px")
     plane_distance: float = param(
         2.0,
         "distance from the tangent plane up to which a pixel shows the surface, in footprints of a pixel",
@@ -234,8 +237,8 @@ def accumulate(
     Nehab, Sander, Lawrence, Tatarchuk and Isidoro 2007, "Accelerating Real-Time Shading with Reverse
     Reprojection Caching". Departs: each of the four taps of the previous image is tested by its distance
     from the tangent plane, its layer and its normal, and what is left is renormalised; a frame weighs
-    1 / (frames + 1); a long mean is clamped to the neighbourhood of the same surface (Salvi 2016) or to
-    that of a fast mean (NVIDIA ReBLUR).
+    1 / (frames + 1); a long mean is moved by its mean difference from this frame's values, or from fast
+    means (NVIDIA ReBLUR), over the neighbourhood on the same surface, where that is significant.
 
     Args:
         plane: [rows, columns] or [rows, columns, 3] float32 of the G-buffer's size, any result whose

@@ -262,6 +262,9 @@ def accumulate(
     values = checks.plane("plane", values, channels=3 if coloured else 0, low=-MOST_VALUE, high=MOST_VALUE)
     planes = np.moveaxis(values, -1, 0) if coloured else values[None]
     chosen = AccumulateParams(**params)
+    for name, given in (("gbuffer", gbuffer), ("previous", gbuffer if previous is None else previous)):
+        if not isinstance(given, GBuffer | DeviceGBuffer):
+            raise TypeError(f"{name} is {type(given).__name__}: expected GBuffer or DeviceGBuffer")
     if values.shape[:2] != gbuffer.size:
         raise ValueError(f"plane has shape {values.shape}: expected {gbuffer.size} as the G-buffer")
     if history is not None:
@@ -294,8 +297,6 @@ def _check_history(history: object, previous: GBuffer | DeviceGBuffer | None, ch
     """Raise TypeError or ValueError unless a history fits the previous G-buffer."""
     if not isinstance(history, History):
         raise TypeError(f"history is {type(history).__name__}: expected the History that accumulate returned, or None")
-    if previous is not None and not isinstance(previous, GBuffer | DeviceGBuffer):
-        raise TypeError(f"previous is {type(previous).__name__}: expected GBuffer or DeviceGBuffer, or None")
     if previous is None:
         raise ValueError("history is given without previous: expected the G-buffer of the frame before, or neither")
     if history.size != previous.size:

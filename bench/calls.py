@@ -40,6 +40,7 @@ from ssgi_cl.techniques.sky_rays.sky_rays import sky_rays
 from ssgi_cl.techniques.ssdo.ssdo import ssdo
 from ssgi_cl.techniques.ssdo.ssdo_params import METHODS
 from ssgi_cl.techniques.technique import Technique
+from ssgi_cl.techniques.temporal.accumulate import accumulate
 from ssgi_cl.techniques.vpl.vpl_splat import vpl_splat
 
 from .drawn import faded
@@ -290,6 +291,14 @@ def lit_by_surfaces(given: Inputs, runtime: Runtime) -> Iterator[Array]:
     yield area_lights(given.gbuffer, scene=given.scene, runtime=runtime)
 
 
+def accumulated(given: Inputs, runtime: Runtime) -> Iterator[Array]:
+    """Yield the mean of two frames of a camera that stands still, and of images that move."""
+    motion = np.full((*np.shape(given.gbuffer.depth)[-2:], 2), 0.3, np.float32)
+    first, history = accumulate(given.image, given.gbuffer, runtime=runtime)
+    for gbuffer in (given.gbuffer, replace(given.gbuffer, motion=motion)):
+        yield accumulate(first[::-1], gbuffer, given.gbuffer, history, fast=1, runtime=runtime)[0]
+
+
 CALLS: Mapping[str, Call] = {
     "drawing": drawing,
     "view normals": view_normals,
@@ -312,5 +321,6 @@ CALLS: Mapping[str, Call] = {
     "sampled lights": sky_lit,
     "sky rays": lit_by_sky,
     "area lights": lit_by_surfaces,
+    "accumulation": accumulated,
 }
 """Name of a technique, with its method where there are several -> what calls it."""

@@ -14,6 +14,8 @@ from .core.errors import SsgiError as SsgiError
 from .core.errors import TruthError as TruthError
 from .core.gbuffer import GBuffer as GBuffer
 from .core.gbuffer_batch import GBufferBatch as GBufferBatch
+from .core.history import History as History
+from .core.history import Reset as Reset
 from .core.lights import DirectionalLight as DirectionalLight
 from .core.lights import Environment as Environment
 from .core.lights import Light as Light
@@ -27,6 +29,7 @@ from .core.suns import split_suns as split_suns
 from .core.vpls import Vpls as Vpls
 from .device.drivers import KernelVariant as KernelVariant
 from .device.gbuffer import DeviceGBuffer as DeviceGBuffer
+from .device.history import DeviceHistory as DeviceHistory
 from .device.rsm import DeviceRsm as DeviceRsm
 from .device.runtime import Runtime as Runtime
 from .device.timing import PassTime as PassTime
@@ -100,6 +103,9 @@ from .techniques.ssdo.ssdo import Ssdo as Ssdo
 from .techniques.ssdo.ssdo import ssdo as ssdo
 from .techniques.ssdo.ssdo_params import SsdoParams as SsdoParams
 from .techniques.ssdo.ssdo_views import auxiliary_cameras as auxiliary_cameras
+from .techniques.temporal.accumulate import Accumulate as Accumulate
+from .techniques.temporal.accumulate import AccumulateParams as AccumulateParams
+from .techniques.temporal.accumulate import accumulate as accumulate
 from .techniques.vpl.vpl_choice import choose_vpls as choose_vpls
 from .techniques.vpl.vpl_splat import VplSplat as VplSplat
 from .techniques.vpl.vpl_splat import VplSplatParams as VplSplatParams

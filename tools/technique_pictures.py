@@ -123,6 +123,21 @@ def _upsample() -> tuple[Picture, ...]:
     return _grey(blocks), _grey(gi.upsample(small, gbuffer, step=4))
 
 
+def _accumulate() -> tuple[Picture, ...]:
+    built, _, _ = _scene("hall")
+    forward = 0.004 * np.subtract(built.target, built.eye)
+    mean, value, counts, history, previous = np.zeros(0), np.zeros(0), np.zeros(0), None, None
+    for frame in range(16):
+        place = (15 - frame) * forward
+        own = gi.Camera.look_at(built.eye - place, built.target - place, yfov=built.yfov, width=WIDTH, height=HEIGHT)
+        gbuffer = gi.rasterize.gbuffer(built.scene, own)
+        value = gi.gtao(gbuffer, radius=built.ao_radius, slices=1, blur_radius=0, frame=frame)
+        mean, history = gi.accumulate(value, gbuffer, previous, history)
+        previous = gbuffer
+        counts = history.count / history.count.max()
+    return _grey(value), _grey(mean), _grey(counts)
+
+
 def _shade() -> tuple[Picture, ...]:
     built, _, gbuffer = _scene("hall")
     ao: Any = gi.gtao(gbuffer, radius=built.ao_radius)
@@ -213,6 +228,7 @@ PICTURES: dict[str, Callable[[], tuple[Picture, ...]]] = {
     "multi_bounce": _multi_bounce,
     "bilateral_blur": _bilateral_blur,
     "upsample": _upsample,
+    "accumulate": _accumulate,
     "shade": _shade,
     "sampled_lights": _sampled_lights,
     "sky_rays": _sky_rays,

@@ -1,4 +1,4 @@
-"""Filters: the edge-aware blur by its radius, and joint-bilateral upsampling by its step."""
+"""Filters: the edge-aware blur by its radius, joint-bilateral upsampling by its step, accumulation over frames."""
 
 from __future__ import annotations
 
@@ -6,13 +6,16 @@ from collections.abc import Mapping
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ssgi_cl.core import checks
 from ssgi_cl.reference.filters.bilateral import bilateral_reference
 from ssgi_cl.reference.filters.upsample import upsample_blur_reference, upsample_reference
+from ssgi_cl.reference.temporal.accumulate import accumulate_reference
 from ssgi_cl.techniques.ao.ssao import Ssao, SsaoParams
 from ssgi_cl.techniques.filters.bilateral import Bilateral, BilateralParams
 from ssgi_cl.techniques.filters.upsample import ReducedGBuffer, Upsample, UpsampleBlur, UpsampleParams
+from ssgi_cl.techniques.temporal.accumulate import Accumulate, AccumulateParams
 from ssgi_cl.truth import Truth
 from ssgi_cl.tuning.case import Family, Subject, count_of
 from ssgi_cl.tuning.context import Context, exact
@@ -22,6 +25,9 @@ BLUR_BYTES = 2 * 4 * (1 + 1 + 3 + 1)
 UPSAMPLE_BYTES = 4 * (1 + 3 + 1)
 """Per pixel: depth and normal read, value written; what is read at reduced size is little."""
 STEPS = ("2", "4")
+CHANNELS = ("1", "3")
+ACCUMULATE_BYTES = 4 * (1 + 4 + 4 + 3 + 4 + 3 + 4)
+"""Per pixel and channel: value, both G-buffers, three means read and written, counts, and what is clamped."""
 BLUR = BilateralParams(radius=7)
 
 
@@ -76,8 +82,45 @@ def upsampling(context: Context, setting: str, *, blurred: bool = False) -> Subj
     )
 
 
+def accumulation(context: Context, setting: str) -> Subject:
+    """Make one frame's accumulation ready, with the one before; the setting is the number of channels."""
+    channels = int(checks.choice("setting", setting, CHANNELS))
+    params = AccumulateParams(fast=1)  # so that the second frame is clamped, as all are later on
+    technique = Accumulate(context.runtime, context.size, params, channels)
+    rows, columns = context.size
+    images = np.random.default_rng(3).random((2, channels, rows, columns)).astype(np.float32)
+    before, now = (context.runtime.plane(channels, context.size) for _ in range(2))
+    before.upload(images[0])
+    now.upload(images[1])
+    with context.runtime.frame():
+        history = technique.run(context.gbuffer, before)
+        technique.run(context.gbuffer, now, previous=context.gbuffer, history=history)
+
+    def run() -> None:
+        technique.run(context.gbuffer, now, previous=context.gbuffer, history=history)
+
+    def image() -> NDArray[np.float32]:
+        result = technique.run(context.gbuffer, now, previous=context.gbuffer, history=history)
+        first: NDArray[np.float32] = result.mean.download()[0]
+        return first
+
+    def numpy_reference() -> Truth:
+        first, second = (each[0] for each in images)
+        start = accumulate_reference(first, context.host_gbuffer, params=params)
+        return exact(accumulate_reference(second, context.host_gbuffer, context.host_gbuffer, start, params).mean)
+
+    return Subject(
+        run=run,
+        image=image,
+        moved=context.pixels * ACCUMULATE_BYTES * channels,
+        truths={"assumption": numpy_reference},
+        note="one frame of noise, with the history of another",
+    )
+
+
 FAMILIES: Mapping[str, Family] = {
     "blur": Family(blur, ("2", "4", "7", "16")),
     "upsample": Family(upsampling, STEPS),
+    "accumulate": Family(accumulation, CHANNELS),
     "upsample-blur": Family(partial(upsampling, blurred=True), STEPS),
 }

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ssgi_cl.core.camera import LARGEST_SIZE, Camera
+from ssgi_cl.core.motion import MOST_MOTION
 from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size, plane_bytes
 from ssgi_cl.device.constants import RASTER_COUNTERS, RASTER_RECORD, RASTER_TILE
@@ -45,6 +46,19 @@ class Visible:
     depths: DeviceArray | None
     camera: Any
     view: dict[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Before:
+    """What the previous image showed, for motion.
+
+    Attributes:
+        scene: the same triangles, which may have been elsewhere.
+        camera: what saw them.
+    """
+
+    scene: DeviceScene
+    camera: Camera
 
 
 _Lists = dict[str, DeviceArray]
@@ -129,11 +143,13 @@ class Rasterizer:
         self._scan = kernel("raster/raster_scan.cl", structs=STRUCTS)
         self._fill = kernel("raster/raster_fill.cl", self._spread, STRUCTS)
 
-    def render(self, scene: DeviceScene, camera: Camera, *, behind: DeviceArray | None = None) -> DeviceGBuffer:
+    def render(
+        self, scene: DeviceScene, camera: Camera, *, behind: DeviceArray | None = None, before: Before | None = None
+    ) -> DeviceGBuffer:
         """Draw the scene as the camera sees it and return the target.
 
         `behind` has the `depths` of an image drawn before with the same camera: only what lies
-        behind that is drawn.
+        behind that is drawn. With `before` the target gets the motion of its front layer.
 
         Reads 8 bytes back before pixels are drawn, and with `regions` 4 for each tile: if lists
         were too small they grow, and it begins again. The size of the lists stays for the next
@@ -143,7 +159,8 @@ class Rasterizer:
         self.target.has_facets = True
         self.target.emits = scene.emits and self.shaded
         self.target.mirrors = scene.glossy and self.lobes
-        self._visible = self._draw(scene, camera, lists, behind)
+        self.target.moves = 0
+        self._visible = self._draw(scene, camera, lists, behind, before)
         return self.target
 
     def sampled(self, scene: DeviceScene, camera: Camera) -> Visible:
@@ -280,6 +297,32 @@ class Rasterizer:
             tiles=self._tiles,
         )
 
+    def _write_motion(self, scene: DeviceScene, visible: Visible, before: Before) -> None:
+        """Queue the pass that writes the motion of what an image shows."""
+        if (before.scene.vertices, before.scene.triangles) != (scene.vertices, scene.triangles):
+            raise ValueError(
+                f"the previous scene has {before.scene.vertices} vertices and {before.scene.triangles} triangles: "
+                f"expected {scene.vertices} and {scene.triangles}, the same as the scene"
+            )
+        target = self.target
+        self.runtime.kernel(
+            "raster/raster_motion.cl", {"RASTER_STEP": 1, "RASTER_LONGEST": int(MOST_MOTION)}, STRUCTS
+        ).run(
+            target.whole,
+            triangles=visible.triangles,
+            faces=scene.faces,
+            vertices=scene.shading,
+            vertices_before=before.scene.shading,
+            motion=target.motion,
+            camera=visible.camera,
+            view=VIEW.pack(visible.view),
+            camera_before=CAMERA.pack(camera_values(before.camera)),
+            view_before=VIEW.pack(self._view_values(before.scene, before.camera)),
+            scale_x=np.float32(target.size[1] / before.camera.width),
+            scale_y=np.float32(target.size[0] / before.camera.height),
+        )
+        target.moves = 3
+
     def _reserve(self, vertices: int) -> None:
         """Reserve what a frame needs until its pixels are drawn, for so many bytes of vertices."""
         target = self.target
@@ -361,7 +404,9 @@ class Rasterizer:
         counts = np.diff(self._starts.download()).reshape(self._tiles)
         return [busy_region(counts > layer, self.target.whole, self.runtime.variant.lanes) for layer in layers]
 
-    def _draw(self, scene: DeviceScene, camera: Camera, lists: _Lists, behind: DeviceArray | None) -> Visible | None:
+    def _draw(
+        self, scene: DeviceScene, camera: Camera, lists: _Lists, behind: DeviceArray | None, before: Before | None
+    ) -> Visible | None:
         """Queue the passes that draw pixels; return what they show unless they are shaded."""
         target, whole = self.target, self.target.whole
         values = self._view_values(scene, camera)
@@ -378,24 +423,26 @@ class Rasterizer:
         for layer, region in enumerate(regions):
             shaded = layer < target.attributes
             view = {**values, "layer": layer}
-            now, before = depths[layer % 2], depths[layer % 2 - 1]
-            before = behind if layer == 0 and behind is not None else before
+            now, nearer = depths[layer % 2], depths[layer % 2 - 1]
+            nearer = behind if layer == 0 and behind is not None else nearer
             visible = Visible(seen, None if self.shaded else now, packed_camera, view)
             # What was seen there before is to be cleared.
             with target.previous_regions[layer].over(region, scene.emits) as over:
                 over = None if over is None else widened(over, whole, self.runtime.variant.lanes)
                 peel = {"RASTER_PEEL": int(layer > 0 or behind is not None), "RASTER_SPREAD": 0}
-                self._run_tiles("raster/raster_tiles.cl", peel, scene, lists, visible, now, over, previous=before)
+                self._run_tiles("raster/raster_tiles.cl", peel, scene, lists, visible, now, over, previous=nearer)
                 if late:
                     lists.clear()
                     if self.shaded:
-                        del now, before, depths
+                        del now, nearer, depths
                         target.take_world()
                 if not self.shaded:
                     return visible
                 self._write_attributes(1, scene, target, visible, shaded=shaded, emission=scene.emits, region=over)
                 if target.mirrors and layer == 0:
                     self.write_gloss(1, scene, target.specular, target.gloss, visible=visible, region=over)
+                if before is not None and layer == 0:
+                    self._write_motion(scene, visible, before)
         return None
 
     def _run_tiles(

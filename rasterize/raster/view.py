@@ -17,7 +17,7 @@ from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.rasterize.raster.device_scene import DeviceScene
-from ssgi_cl.rasterize.raster.rasterizer import Rasterizer
+from ssgi_cl.rasterize.raster.rasterizer import Before, Rasterizer
 
 MOST_LAYERS = 16
 ATTRIBUTES = ("first", "all")
@@ -55,6 +55,8 @@ def gbuffer(
     overscan: float = 0.0,
     attributes: str = "first",
     backend: str = "opencl",
+    previous_camera: Camera | None = None,
+    previous_scene: Scene | None = None,
     runtime: Runtime | None = None,
 ) -> GBuffer:
     """Draw a scene into a G-buffer.
@@ -69,12 +71,16 @@ def gbuffer(
         attributes: "first" for normal, albedo and emission of the front layer, "all" for those of
             every layer.
         backend: "opencl", or "pyrender" for OpenGL (needs the extra `opengl`).
+        previous_camera: of the previous image, for `motion`; by default `camera`, if `previous_scene` is given.
+        previous_scene: the scene as the previous image showed it: the same triangles, whose positions may be others
+            (`rasterize.moved`); by default `scene`, if `previous_camera` is given.
         runtime: the device of the OpenCL backend; by default the fastest found.
 
     Returns:
         depth ([layers, rows, columns] with more than one layer), normal, albedo and, if the scene
         emits light, emission ([layers, rows, columns, 3] with "all" and more than one layer); of
-        a scene with glossy materials specular and gloss of the front layer.
+        a scene with glossy materials specular and gloss of the front layer; motion of the front layer if a previous
+        camera or scene is given.
         Normals are the mesh's own, not turned to the viewer.
 
     Raises:
@@ -85,10 +91,16 @@ def gbuffer(
     layers = checks.integer("layers", layers, low=1, high=MOST_LAYERS)
     checks.choice("backend", backend, ("opencl", "pyrender"))
     shaded = layers if checks.choice("attributes", attributes, ATTRIBUTES) == "all" else 1
-    if not isinstance(camera, Camera):
-        raise TypeError(f"camera is {camera!r}: expected an ssgi_cl.Camera")
+    for name, value in (("camera", camera), ("previous_camera", previous_camera or camera)):
+        if not isinstance(value, Camera):
+            raise TypeError(f"{name} is {value!r}: expected an ssgi_cl.Camera")
+    moving = previous_camera is not None or previous_scene is not None
+    if moving:
+        _check_same_triangles(scene, scene if previous_scene is None else previous_scene)
     margin = margin_of(camera, overscan)
     if backend == "pyrender":
+        if moving:
+            raise ValueError("previous_camera and previous_scene apply only to backend='opencl' (got 'pyrender')")
         from ssgi_cl.rasterize.raster import opengl
 
         arrays = opengl.gbuffer_arrays(without_holes(scene), camera.with_margin(margin), layers)
@@ -96,19 +108,41 @@ def gbuffer(
         if not arrays["emission"].any():
             del arrays["emission"]
         return _host(camera, arrays)
-    return _drawn(scene, camera, layers, margin, shaded, runtime=runtime)
+    previous = (previous_scene or scene, previous_camera or camera) if moving else None
+    return _drawn(scene, camera, layers, margin, shaded, previous, runtime=runtime)
+
+
+def _check_same_triangles(scene: Scene, previous: Scene) -> None:
+    """Raise TypeError or ValueError unless a scene has the triangles of another, wherever they are."""
+    if not isinstance(previous, Scene):
+        raise TypeError(f"previous_scene is {type(previous).__name__}: expected a Scene")
+    if previous.positions.shape != scene.positions.shape or not np.array_equal(previous.triangles, scene.triangles):
+        raise ValueError(
+            f"previous_scene has {len(previous.positions)} vertices and {len(previous.triangles)} triangles: expected "
+            f"the {len(scene.positions)} vertices and {len(scene.triangles)} triangles of scene, in the same order"
+        )
 
 
 @serialised
-def _drawn(scene: Scene, camera: Camera, layers: int, margin: Size, shaded: int, *, runtime: Runtime | None) -> GBuffer:
+def _drawn(
+    scene: Scene,
+    camera: Camera,
+    layers: int,
+    margin: Size,
+    shaded: int,
+    previous: tuple[Scene, Camera] | None,
+    *,
+    runtime: Runtime | None,
+) -> GBuffer:
     runtime = runtime or Runtime.open()
     kept = device_scene(scene, runtime)
+    before = None if previous is None else Before(device_scene(previous[0], runtime), previous[1])
     rasterizer: Rasterizer = runtime.prepared(
         (Rasterizer, camera.size, layers, margin, True, shaded),
         lambda: Rasterizer(runtime, camera.size, layers=layers, margin=margin, attributes=shaded, lobes=True),
     )
     with runtime.frame():
-        return downloaded(rasterizer.render(kept, camera))
+        return downloaded(rasterizer.render(kept, camera, before=before))
 
 
 def downloaded(target: DeviceGBuffer) -> GBuffer:
@@ -121,6 +155,8 @@ def downloaded(target: DeviceGBuffer) -> GBuffer:
         arrays["emission"] = _layers_of(target.emission)
     if target.mirrors:
         arrays |= {"specular": _layers_of(target.specular)[0], "gloss": target.gloss.download()[0]}
+    if target.moves:
+        arrays["motion"] = _layers_of(target.motion)[0][..., : target.moves]
     return _host(target.camera, arrays)
 
 

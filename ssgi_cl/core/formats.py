@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
@@ -30,6 +30,17 @@ class Files(Protocol):
     ) -> tuple[dict[str, Any], str]:
         """Return the arrays of a G-buffer whose camera has `size` (rows, columns) with its notes, and the kind of
         depth that is expected."""
+
+    def read_motion(
+        self,
+        path: str | os.PathLike[str],
+        channels: str | Sequence[str] | None,
+        *,
+        kind: str | None,
+        layer: str | None,
+        part: str | None,
+    ) -> tuple[NDArray[np.float32], tuple[str, ...]]:
+        """Return motion as a file has it, and the channels that it is read from; see `ssgi_cl.io.exr.read_motion`."""
 
     def read_camera(self, path: str | os.PathLike[str]) -> tuple[Camera | None, str, NDArray[np.float64]]:
         """Return the camera that a file describes, or None, a note, and [3, 3] from the file's world to its own."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import logging
 import os
 from collections.abc import Iterable, Mapping
@@ -19,7 +20,8 @@ from ssgi_cl.core.depth_maps import read_depth
 from ssgi_cl.core.formats import files
 from ssgi_cl.core.gbuffer_band import Band
 from ssgi_cl.core.gbuffer_batch import GBufferBatch
-from ssgi_cl.core.gbuffer_exr import exr_arrays
+from ssgi_cl.core.gbuffer_exr import exr_arrays, exr_motion
+from ssgi_cl.core.motion import MOST_MOTION, Residual, camera_motion, depth_residual, motion_of
 
 Floats = NDArray[np.float32]
 
@@ -33,10 +35,13 @@ _LIMITS: dict[str, checks.Limits] = {
     "specular": {"low": 0.0, "high": 1.0},
     "gloss": {"low": 0.0, "unit": "Phong exponent"},
     "thickness": {"low": 0.0, "unit": "scene units", "infinite": True},
+    "motion": {},
 }
 """Arrays beside the depth, and the range of their values."""
 
 _LOG = logging.getLogger("ssgi_cl")
+
+_INSTEAD_OF_NAN = {"depth": np.inf, "motion": MOST_MOTION}
 
 _FLAT = ("gloss", "thickness")
 """Arrays of one channel and of the front layer alone."""
@@ -65,9 +70,13 @@ class GBuffer:
         gloss: [rows, columns] float32 exponent of that lobe, >= 0, or None.
         thickness: [rows, columns] float32, how far the front layer's surfaces reach behind what is
             seen of them along the view ray, scene units, >= 0 (+inf: without end), or None.
+        motion: [rows, columns, 2 or 3] float32 to the previous image: previous = current + motion, in
+            columns (to the right) and rows (downwards) of pixels, in [-1e6, 1e6]; and previous depth minus
+            depth in scene units. 0 where nothing is; 1e6 where the previous camera cannot see it. None:
+            nothing is known, surfaces stand still.
         nan: "refuse" raises ValueError for NaN; "hole" takes a NaN depth for +inf, nothing there
             (in all deeper layers too), and NaN elsewhere for 0, which for normals means that they
-            are reconstructed from depth.
+            are reconstructed from depth; for motion for 1e6: the previous image does not show it.
         notes: what was assumed or found of the arrays, in words; they go to the logger "ssgi_cl" too.
         array_kind: kind of array that `depth` was and that results are; None: numpy.
 
@@ -88,6 +97,7 @@ class GBuffer:
     specular: ArrayLike | None = None
     gloss: ArrayLike | None = None
     thickness: ArrayLike | None = None
+    motion: ArrayLike | None = None
     nan: Literal["refuse", "hole"] = "refuse"
     notes: tuple[str, ...] = ()
     margin: tuple[int, int] = field(init=False)
@@ -148,7 +158,7 @@ class GBuffer:
             if name == "depth" and array.ndim == 3:
                 missing = np.logical_or.accumulate(missing)
             if missing.any():
-                self._set(name, np.where(missing, np.inf if name == "depth" else 0.0, array))
+                self._set(name, np.where(missing, _INSTEAD_OF_NAN.get(name, 0.0), array))
 
     def _set(self, name: str, value: Floats) -> None:
         object.__setattr__(self, name, value)
@@ -156,6 +166,8 @@ class GBuffer:
     @staticmethod
     def _attribute(name: str, value: ArrayLike, shape: tuple[int, ...], limits: checks.Limits) -> Floats:
         """Return an array beside a depth of this shape, checked."""
+        if name == "motion":
+            return motion_of(value, shape[-2:])
         if name in _FLAT:
             array, shape = checks.plane(name, value, **limits), shape[-2:]
             size = array.shape
@@ -190,6 +202,29 @@ class GBuffer:
         """Return `array` [rows, columns, ...] without the margin (a view)."""
         rows, columns = self.margin
         return array[rows : array.shape[0] - rows, columns : array.shape[1] - columns]
+
+    def with_motion(self, previous: Camera) -> Self:
+        """Return this G-buffer with the motion of surfaces that stand still, in place of any that it has.
+
+        Args:
+            previous: the camera of the previous image.
+        """
+        depth = self.first("depth")
+        assert depth is not None  # noqa: S101  every G-buffer has one
+        other = copy(self)
+        other._set("motion", camera_motion(depth, self.camera, previous))
+        return other
+
+    def motion_residual(self, previous: GBuffer) -> Residual:
+        """Return how well the motion fits the depth of the previous G-buffer.
+
+        Without `motion`, it is that of surfaces that stand still. What was hidden in the previous image counts as
+        well: a few per cent of the pixels never fit.
+
+        Raises:
+            ValueError: no pixel of the previous image is met.
+        """
+        return depth_residual(self, previous)
 
     def of_kind(self, value: Any) -> Self:
         """Return a G-buffer of the same arrays whose results are arrays of the kind of `value`."""
@@ -289,6 +324,8 @@ class GBuffer:
         normal_space: str | None = None,
         depth_kind: str | None = None,
         depth_range: tuple[float, float] | None = None,
+        motion_kind: Literal["pixels", "blender", "nuke", "ndc"] | None = None,
+        previous: GBuffer | None = None,
         nan: Literal["refuse", "hole"] = "refuse",
     ) -> Self:
         """Read a G-buffer from an OpenEXR file.
@@ -301,7 +338,7 @@ class GBuffer:
             layout: program whose conventions the file has: "blender", "arnold", "v-ray", "redshift", "karma",
                 "renderman", "unreal", "nuke" or "hydra"; guessed by default. It decides where several names
                 would do, and where depth and normals do not tell.
-            channels: channel names for `depth`, `normal`, `albedo`, `emission`, for example
+            channels: channel names for `depth`, `normal`, `albedo`, `emission`, `motion`, for example
                 {"depth": "Z", "normal": ("N.X", "N.Y", "N.Z")}; found by their usual names if not
                 given. `notes` says what was read, and what was not.
             layer: whose channels are read, such as "ViewLayer"; by default the one with a depth that has
@@ -313,6 +350,11 @@ class GBuffer:
                 depth, "normalised" for OpenGL's 0..1 between the near and far plane of `camera`, or "remapped".
                 By default one of the first three, found by planes, on which 1 / planar depth is linear.
             depth_range: depths of the values 0 and 1 of "remapped" depth, scene units, as V-Ray's black and white.
+            motion_kind: convention of the motion, which is read if this or `previous` is given: "blender", its pass
+                Vector (previous - current, pixels, y up); "nuke", forward (next - current, pixels, y up), for motion
+                that goes on evenly; "ndc", previous - current from -1 to 1 across the image, y up; "pixels", as
+                `to_exr` writes it. By default the one that leads to the depths of `previous`.
+            previous: the G-buffer of the frame before. The motion is held to its depth; `notes` has the residual.
             nan: as the attribute.
 
         Raises:
@@ -320,7 +362,8 @@ class GBuffer:
                 depth in 0..1 whose kind has to be said, of another size than `camera`, or,
                 with a camera of the display window, the data window does not exceed that equally
                 on opposite sides (the margin); several layers have a depth and none is named; or the
-                space of the normals is not clear (`UnclearSpaceError`).
+                space of the normals is not clear (`UnclearSpaceError`); the file has no motion that is asked for, or
+                another convention of it fits `previous` clearly better.
         """
         read = exr_arrays(
             path,
@@ -333,7 +376,25 @@ class GBuffer:
             depth_kind=depth_kind,
             depth_range=depth_range,
         )
-        return cls(nan=nan, **read)
+        result = cls(nan=nan, **read)
+        if motion_kind is None and previous is None:
+            return result
+        names = (channels or {}).get("motion")
+        return result._with_motion_of(os.fspath(path), names, layer, part, motion_kind, previous)
+
+    def _with_motion_of(
+        self,
+        path: str,
+        names: str | tuple[str, ...] | None,
+        layer: str | None,
+        part: str | None,
+        kind: str | None,
+        previous: GBuffer | None,
+    ) -> Self:
+        """Return this G-buffer with the motion of an OpenEXR file; arguments as of `from_exr`."""
+        motion, note = exr_motion(path, self, names, layer=layer, part=part, kind=kind, previous=previous, nan=self.nan)
+        fields: dict[str, Any] = {**{f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.init}}
+        return type(self)(**{**fields, "motion": motion, "notes": (*self.notes, note)})
 
     def save(self, path: str | os.PathLike[str], *, half: bool = False, parts: bool = False) -> None:
         """Write the front layer as `to_exr` does. ValueError: the name does not end in .exr."""
@@ -351,8 +412,8 @@ class GBuffer:
     ) -> None:
         """Write the front layer to an OpenEXR file that `from_exr` reads; whole or not at all.
 
-        Channels are Z, N.X, N.Y, N.Z (world space), albedo.R ... and emission.R ...; the header has the camera
-        (worldToCamera, worldToNDC), and the margin lies outside of the display window.
+        Channels are Z, N.X, N.Y, N.Z (world space), albedo.R ..., emission.R ... and motion.X ...; the header has the
+        camera (worldToCamera, worldToNDC), and the margin lies outside of the display window.
 
         Args:
             path: the file.
@@ -367,6 +428,9 @@ class GBuffer:
         names = ("depth", "normal", "albedo", "emission")
         arrays = {name: self.first(name) for name in names}
         kept = {name: array for name, array in arrays.items() if array is not None}
+        motion = self.first("motion")
+        if motion is not None:
+            kept |= {f"motion.{'XYZ'[i]}": motion[..., i] for i in range(motion.shape[2])}
         files().write(path, kept, like=like, camera=self.camera, half=half, parts=parts)
 
 

@@ -14,7 +14,7 @@ from ssgi_cl.core.camera import Camera
 if TYPE_CHECKING:
     from ssgi_cl.core.gbuffer import GBuffer
 
-_LAYERED = {"depth": 2, "normal": 3, "albedo": 3, "emission": 3, "specular": 3, "gloss": 2, "thickness": 2}
+_LAYERED = {"depth": 2, "normal": 3, "albedo": 3, "emission": 3, "specular": 3, "gloss": 2, "thickness": 2, "motion": 3}
 """Arrays of a G-buffer, and their dimensions without layers."""
 
 

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.core import checks
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.depth_kind import planar_of
 from ssgi_cl.core.depth_maps import world_normals
 from ssgi_cl.core.formats import files
+from ssgi_cl.core.motion import MOTION_KINDS, converted, verified
 from ssgi_cl.core.normal_space import SAME, UnclearSpaceError
+
+if TYPE_CHECKING:
+    from ssgi_cl.core.gbuffer import GBuffer
 
 
 def exr_arrays(
@@ -30,6 +35,7 @@ def exr_arrays(
 ) -> dict[str, Any]:
     """Return the arguments of `GBuffer` that a file holds; all as of `GBuffer.from_exr`."""
     name, said, axes = os.fspath(path), "", SAME
+    channels = {key: own for key, own in (channels or {}).items() if key != "motion"}
     if camera is None:
         camera, said, axes = files().read_camera(path)
         if camera is None:
@@ -44,6 +50,40 @@ def exr_arrays(
         raise type(error)(f"{name}: {error}") from None
     arrays["notes"] = (*filter(None, [said]), *arrays["notes"], *found)
     return {**arrays, "camera": camera}
+
+
+def exr_motion(
+    path: str,
+    gbuffer: GBuffer,
+    channels: str | Sequence[str] | None,
+    *,
+    layer: str | None,
+    part: str | None,
+    kind: str | None,
+    previous: GBuffer | None,
+    nan: str,
+) -> tuple[NDArray[np.float32], str]:
+    """Return the motion of a file in pixels, and a note; all as of `GBuffer.from_exr`."""
+    kind = None if kind is None else checks.choice("motion_kind", kind, MOTION_KINDS)
+    stored, names = files().read_motion(path, channels, kind=kind, layer=layer, part=part)
+    if stored.shape[:2] != np.shape(gbuffer.depth)[-2:]:
+        raise ValueError(
+            f"{path}: motion has {stored.shape[0]} rows and {stored.shape[1]} columns: expected those of the depth"
+        )
+    if nan != "hole" and np.isnan(stored).any():
+        row, column, index = np.argwhere(np.isnan(stored))[0].tolist()
+        raise ValueError(f"{path}: channel {names[index]!r} is nan in row {row}, column {column}: expected numbers")
+    said = f"motion from {', '.join(names)}"
+    if previous is None:
+        assert kind is not None  # noqa: S101  one of the two is given
+        return converted(stored, kind, gbuffer.camera), f"{said}: read as {kind!r}, not verified without previous="
+    if not isinstance(previous, type(gbuffer)):
+        raise TypeError(f"previous is {type(previous).__name__}: expected a GBuffer")
+    try:
+        motion, note = verified(stored, kind or "", gbuffer, previous)
+    except ValueError as error:
+        raise ValueError(f"{path}: {said}: {error}") from None
+    return motion, f"{said}: {note}"
 
 
 def interpret(

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 
 from ssgi_cl.core.environment_samples import POINTS
+from ssgi_cl.core.history import Reset
 from ssgi_cl.core.vpls import SHARPEST
 
 SSGI_GUARD = 16
@@ -155,6 +156,12 @@ VPL_SUMS = 6
 """Sums that are made: lit texels, luminance, red, green, blue, area."""
 VPL_MEANS = 2
 """Floats behind the importance of all runs: the sums of importance and of lit texels."""
+
+ACCUMULATE_BEGIN, ACCUMULATE_NOTHING = int(Reset.FIRST), int(Reset.NOTHING)
+"""Reasons for which a history begins anew, see `ssgi_cl.core.history`."""
+ACCUMULATE_BORDER, ACCUMULATE_EMPTY = int(Reset.BORDER), int(Reset.EMPTY)
+ACCUMULATE_PLANE, ACCUMULATE_LAYER = int(Reset.PLANE), int(Reset.LAYER)
+ACCUMULATE_NORMAL, ACCUMULATE_CHANGED = int(Reset.NORMAL), int(Reset.CHANGED)
 
 _VALUES = {
     name: value

@@ -55,6 +55,9 @@ class DeviceGBuffer:
             "until derived", when `normal` takes its memory over. With `deferred` it is there if it was given.
         sides: what `ssdo_bitmask.closed_sides` found in the current contents, None if it did not look.
         thickness: 1 image, scene units, or None if the contents have none.
+        motion: 3 images, columns and rows to the previous image in pixels, and the change of depth; asked for, it is
+            there.
+        moves: how many of these the contents have: 0, 2 or 3.
         has_facets: whether depths are exact enough to tell a triangle's plane from neighbours':
             those of the rasteriser are.
         region: pixels of the planes, margin and all, outside which nothing is; None if that is not
@@ -96,6 +99,7 @@ class DeviceGBuffer:
         self._emission: Plane | None = None
         self._no_emission = runtime.plane(1, (1, 1))
         self.emits = self.mirrors = False
+        self.moves = 0
         self.has_facets = False
         self.region: Region | None = None
         self.previous_regions = [PreviousRegion() for _ in range(layers)]
@@ -131,6 +135,11 @@ class DeviceGBuffer:
     def gloss(self) -> Plane:
         """Exponent of that lobe."""
         return self.runtime.plane(1, self.whole)
+
+    @cached_property
+    def motion(self) -> Plane:
+        """Motion of layer 0 to the previous image."""
+        return self.runtime.plane(3, self.whole)
 
     @cached_property
     def opacity(self) -> Plane:
@@ -207,6 +216,11 @@ class DeviceGBuffer:
         if specular is not None and gloss is not None:
             self.specular.upload(np.moveaxis(specular, -1, 0))
             self.gloss.upload(gloss[None])
+        motion = gbuffer.first("motion")
+        self.moves = 0 if motion is None else motion.shape[2]
+        if motion is not None:
+            padded = motion if self.moves == 3 else np.pad(motion, ((0, 0), (0, 0), (0, 1)))
+            self.motion.upload(np.moveaxis(padded, -1, 0))
         thickness = gbuffer.first("thickness")
         if thickness is not None:
             self._thickness = self._thickness or self.runtime.plane(1, self.whole)

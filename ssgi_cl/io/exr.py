@@ -17,6 +17,7 @@ from ssgi_cl.io.exr_camera import HeaderCamera, camera_attributes, header_camera
 from ssgi_cl.io.exr_channels import QUANTITIES, found_channels, stem_of
 from ssgi_cl.io.exr_header import ExrHeader, Window, read_headers
 from ssgi_cl.io.exr_layouts import layout_of
+from ssgi_cl.io.exr_motion import motion_channels
 from ssgi_cl.io.exr_rows import read_rows, utf8, write_rows
 
 BACKGROUND_DEPTH = 1e10
@@ -384,6 +385,37 @@ def read_with_kind(
     arrays["depth"] = depth
     kinds = {} if program is None else program.depths
     return arrays, kinds.get(stem_of(found.channels["depth"][0]), "planar")
+
+
+def read_motion(
+    path: str | os.PathLike[str],
+    channels: str | Sequence[str] | None = None,
+    *,
+    kind: str | None = None,
+    layer: str | None = None,
+    part: str | None = None,
+) -> tuple[NDArray[np.float32], tuple[str, ...]]:
+    """Return motion [rows, columns, 2 or 3] as a file has it, and the channels that it is read from.
+
+    Args:
+        path: a file as for `read`.
+        channels: the two or three channels, or their stem; found by their usual names if not given.
+        kind: the convention whose names are looked for, one of `core.motion.MOTION_KINDS`; by default all.
+        layer, part: as of `read_gbuffer`.
+
+    Raises:
+        FileNotFoundError, OSError: as `read`.
+        ValueError: as `read`, or there is no motion; the message lists the channels.
+    """
+    name = os.fspath(path)
+    headers = read_headers(Path(name))
+    names = [whole for each in headers if part is None or each.name == part for whole in each.names.values()]
+    try:
+        found = motion_channels(names, kind, layer, channels)
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from None
+    present = _chosen(name, headers, set(found))
+    return np.stack([present[channel].astype(np.float32, copy=False) for channel in found], axis=-1), found
 
 
 def read_camera(path: str | os.PathLike[str]) -> HeaderCamera:

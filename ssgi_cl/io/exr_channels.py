@@ -73,7 +73,7 @@ def found_channels(
     layers, given = _by_layer(names, first or {}), given or {}
     if "depth" in given:
         holding = (name for name, found in layers.items() if any(given["depth"][0] in part for part in found.values()))
-        own = next(holding, _parts(given["depth"][0])[0])
+        own = next(holding, channel_parts(given["depth"][0])[0])
         layers.setdefault(own, {})["depth"] = given["depth"]
         layer = own if layer is None else layer
     deep = {name: found for name, found in layers.items() if "depth" in found}
@@ -107,7 +107,7 @@ def _by_layer(names: tuple[str, ...], first: Mapping[str, tuple[str, ...]]) -> d
     """Return the channels of each quantity by layer."""
     stems: dict[tuple[str, str], dict[str, str]] = {}  # (layer, stem) -> component -> name
     for name in names:
-        layer, stem, component = _parts(name)
+        layer, stem, component = channel_parts(name)
         stems.setdefault((layer, stem), {})[component] = name
     for (layer, stem), components in tuple(stems.items()):  # "left.Z"
         if components.keys() == {"Z"} and not tuple(_meanings(stem, first, alone=False)):
@@ -127,7 +127,7 @@ def _by_layer(names: tuple[str, ...], first: Mapping[str, tuple[str, ...]]) -> d
     return {layer: {q: found[q] for q in dict.fromkeys(order) if q in found} for layer, found in layers.items()}
 
 
-def _parts(name: str) -> tuple[str, str, str]:
+def channel_parts(name: str) -> tuple[str, str, str]:
     """Return (layer, stem, component) of a channel: the stem in lower case without spaces and underscores."""
     parts = [part.removeprefix("ray:") for part in name.split(".")]  # Karma's
     component = ""
@@ -144,7 +144,7 @@ def _parts(name: str) -> tuple[str, str, str]:
 
 def stem_of(name: str) -> str:
     """Return the quantity that a channel's name tells, in lower case without layers, spaces and component."""
-    return _parts(name)[1]
+    return channel_parts(name)[1]
 
 
 def _meanings(stem: str, first: Mapping[str, tuple[str, ...]], *, alone: bool) -> Iterable[tuple[str, int]]:

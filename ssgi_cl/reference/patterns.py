@@ -54,23 +54,27 @@ def slice_pattern(params: Any) -> SlicePattern:
 
     Pixel k has its slices (k + 1/2) / 16 of the angle between two of them further on, and its taps
     Phi_2(k) + 1/32 of the distance between two, one slice after the other 1 / slices more. Dithers
-    are the golden-ratio sequence over all slices of a tile.
+    are the golden-ratio sequence over all slices of a tile. With frame n, all angles are n / g further on, taps
+    n / g^2, dithers n over the golden ratio, where g^3 = g + 1 (Roberts 2018).
 
     Args:
         params: with `slices`, `taps` and `tap_power`; those that join taps (`joined`) have them
-            half a tap farther away.
+            half a tap farther away; and `frame`, 0 by default.
     """
-    slices, taps = params.slices, params.taps
+    slices, taps, frame = params.slices, params.taps, getattr(params, "frame", 0)
+    root = 1.0
+    for _ in range(64):  # x <- (1 + x)^(1/3) converges to it
+        root = (1.0 + root) ** (1.0 / 3.0)
     beyond = 0.5 if getattr(params, "joined", False) else 0.0
     angle, dither = np.zeros((2, 4, 4, slices))
     share = np.zeros((4, 4, slices, taps))
     for (row, column), k in np.ndenumerate(bayer()):
         for s in range(slices):
-            angle[row, column, s] = np.pi / slices * (s + (k + 0.5) / 16.0)
-            shift = (radical_inverse(int(k)) + 1.0 / 32.0 + s / slices) % 1.0
+            angle[row, column, s] = np.pi / slices * (s + ((k + 0.5) / 16.0 + frame / root) % 1.0)
+            shift = (radical_inverse(int(k)) + 1.0 / 32.0 + s / slices + frame / root**2) % 1.0
             for t in range(taps):
                 share[row, column, s, t] = ((t + shift + beyond) / taps) ** params.tap_power
-            dither[row, column, s] = (0.5 + (k + 16 * s) / GOLDEN_RATIO) % 1.0
+            dither[row, column, s] = (0.5 + (k + 16 * s + frame) / GOLDEN_RATIO) % 1.0
     return SlicePattern(angle, share, dither)
 
 

@@ -21,6 +21,7 @@ from ssgi_cl.techniques.sampled_lights import sampled_lights
 from ssgi_cl.techniques.sky_rays import sky_rays
 from ssgi_cl.techniques.ssdo import ssdo
 from ssgi_cl.techniques.technique import Technique
+from ssgi_cl.techniques.temporal import accumulate
 from ssgi_cl.techniques.vpl import vpl_splat
 
 CATALOGUE: dict[str, Technique] = {
@@ -43,6 +44,7 @@ CATALOGUE: dict[str, Technique] = {
         tonemap,
         bilateral,
         upsample,
+        accumulate,
     )
 }
 """All techniques by name."""

@@ -24,7 +24,7 @@ from ssgi_cl.core.params import Params
 
 KINDS = ("ao", "indirect", "shading", "filter")
 INPUTS = (
-    *("depth", "normal", "albedo", "emission", "specular", "gloss", "thickness"),
+    *("depth", "normal", "albedo", "emission", "specular", "gloss", "thickness", "motion"),
     *("lights", "rsms", "shadow_maps", "scene", "image"),
 )
 """Inputs of techniques: images of the G-buffer, and arguments by name; `image` is one to filter."""

@@ -47,6 +47,7 @@ NOT_OF_THE_MODEL = (
     "blur_passes",
     "blur_resolution",
     "contrast",
+    "frame",
 )
 """Parameters that say how well occlusion is sampled, not what it is; contrast is told apart."""
 

@@ -92,6 +92,7 @@ TYPED: dict[Callable[..., Any], tuple[type[Params], ...]] = {
     gi.sampled_lights: (gi.SampledLightsParams,),
     gi.sky_rays: (gi.SkyRaysParams,),
     gi.area_lights: (gi.AreaLightsParams,),
+    gi.accumulate: (gi.AccumulateParams,),
 }
 """Functions with `**params`, and the dataclasses of what these may be."""
 

@@ -9,6 +9,7 @@ import pkgutil
 import re
 import sys
 from collections.abc import Iterator
+from enum import EnumType
 from typing import Any
 
 import pytest
@@ -83,9 +84,10 @@ def test_parameters_that_docstrings_describe_exist() -> None:
 
 
 def public(module: Any) -> dict[str, Any]:
-    """Public functions and classes, and methods that have a section Args."""
+    """Public functions and classes but enumerations, and methods that have a section Args."""
     named = {name: getattr(module, name) for name in module.__all__}
     named = {name: value for name, value in named.items() if inspect.isclass(value) or inspect.isfunction(value)}
+    named = {name: value for name, value in named.items() if not issubclass(type(value), EnumType)}
     inner = {f"{name}.{part}": f for name, value in named.items() for part, f in methods(value) if part[0] != "_"}
     return named | {name: value for name, value in inner.items() if stated(inspect.getdoc(value) or "")}
 

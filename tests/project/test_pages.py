@@ -112,6 +112,10 @@ def sequence(folder: Path) -> dict[str, Any]:
     return {"paths": paths}
 
 
+def drawn_room(folder: Path) -> dict[str, Any]:
+    return {"room": cornell_box()}
+
+
 def seen(folder: Path) -> dict[str, Any]:
     pytest.importorskip("viser")
     built, camera, _ = room(64, 48)
@@ -138,6 +142,8 @@ PREPARED: dict[str, Callable[[Path], dict[str, Any]]] = {
     "docs/conventions.md": nothing,
     "docs/large_images.md": nothing,
     "docs/light.md": nothing,
+    "docs/motion.md": nothing,
+    "docs/techniques/accumulate.md": drawn_room,
     "docs/window.md": seen,
     "docs/versions.md": nothing,
     "CONTRIBUTING.md": nothing,

@@ -50,6 +50,8 @@ def test_bayers_matrix_is_the_one_that_textbooks_print() -> None:
         HbaoParams(slices=3),
         BitmaskParams(),
         BitmaskParams(joined=False, taps=5),
+        GtaoParams(frame=1),
+        BitmaskParams(slices=1, frame=1000),
     ],
 )
 def test_slices_turn_and_taps_shift_as_hammersleys_points_say(params: SliceParams) -> None:

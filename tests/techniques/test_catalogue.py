@@ -83,7 +83,8 @@ def test_a_technique_reads_what_its_descriptor_says(runtime: Runtime, given: Inp
 def test_lights_and_maps_are_arguments() -> None:
     for technique, name in product(CATALOGUE.values(), ("lights", "rsms", "shadow_maps", "scene", "image")):
         names = set(inspect.signature(technique.function).parameters)
-        given_name = "radiance" if technique.name in ("tonemap", "reflections") and name == "image" else name
+        images = {"tonemap": "radiance", "reflections": "radiance", "accumulate": "plane"}
+        given_name = images.get(technique.name, name) if name == "image" else name
         assert (given_name in names) == (name in technique.reads), (technique.name, name)
 
 

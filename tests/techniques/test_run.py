@@ -15,6 +15,7 @@ import pytest
 from ssgi_cl import techniques
 from ssgi_cl.core.params import Prepared
 from ssgi_cl.device.arrays import DeviceArray, Plane
+from ssgi_cl.device.history import DeviceHistory
 from ssgi_cl.techniques.catalogue import CATALOGUE
 from ssgi_cl.techniques.multires.multires_grid import MultiresGrid
 from ssgi_cl.techniques.radiosity.radiosity import RadiosityLight
@@ -34,7 +35,7 @@ NEEDED = {
     "ViewImportance": {"occupancy"},
 }
 """Arguments that are given by name and have no default."""
-RESULTS = {Plane, SsdoPlanes, RadiosityLight, DeviceArray, NoneType}
+RESULTS = {Plane, SsdoPlanes, RadiosityLight, DeviceHistory, DeviceArray, NoneType}
 WITHOUT = {"SliceScan", "MultiresGrid"}
 """Prepared classes without a result of their own: they prepare inputs of others, or are driven."""
 

@@ -23,7 +23,7 @@ from .analytic import slow_but
 
 SIZE = (36, 48)
 NEAR = {"max_radius_px": 6.0}
-SLICES = {"radius": 0.9, "tap_power": 2.5, "bias": 0.1, "contrast": 2.0, **NEAR}
+SLICES = {"radius": 0.9, "tap_power": 2.5, "bias": 0.1, "contrast": 2.0, "frame": 5, **NEAR}
 
 
 @dataclass(frozen=True)
@@ -67,6 +67,18 @@ def lit(given: Inputs, **params: Any) -> Any:
 def upsampled(given: Inputs, **params: Any) -> Any:
     rows, columns = coarse_size(given.gbuffer.size, 2)
     return gi.upsample(given.image[:rows, :columns], given.gbuffer, **params)
+
+
+def accumulated(given: Inputs, **params: Any) -> Any:
+    """Three frames, the first of which another G-buffer of the same camera is of."""
+    images = (given.image, given.image[::-1], given.image[:, ::-1])
+    seen = (given.single, given.gbuffer, given.gbuffer)
+    mean, history, previous = given.image, None, None
+    for image, gbuffer in zip(images, seen, strict=True):
+        mean, history = gi.accumulate(image, gbuffer, previous, history, **params)
+        previous = gbuffer
+    assert history is not None
+    return mean, history.fast, history.count, history.reasons
 
 
 GRID = {"plane_tolerance": 0.05, "normal_tolerance": 0.9}
@@ -198,6 +210,12 @@ CASES = {
         gi.BilateralParams,
         {},
         {"sigma": 1.0, "depth_sigma": 0.5, "normal_sigma": 2.0},
+    ),
+    "accumulate": Case(
+        accumulated,
+        gi.AccumulateParams,
+        {"limit": 3, "fast": 1},
+        {"limit": 2, "fast": 2, "clamp_sigma": 0.3, "plane_distance": 0.05, "normal_angle": 0.02},
     ),
     "upsample": Case(upsampled, UpsampleParams, {}, {"background": 3.0, "depth_sigma": 0.5, "normal_sigma": 2.0}),
     "tonemap": Case(

@@ -86,6 +86,7 @@ PASSES = (
     "bent-normals.none",
     "bent-normals.2x9",
     "blur.7",
+    "accumulate.1",
     "upsample.2",
     "direct.1024",
     "frame.default",

@@ -1,0 +1,218 @@
+"""Sequences with and without the history of earlier frames: `python -m ssgi_cl.bench.experiments.history --help`.
+
+A row a sequence of `shots.SHOTS` and method. Errors are of the frames from the eighth on: against rays (ambient
+occlusion alone), and against the technique's model, the mean of `MODEL` frames of other patterns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import click
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.bench.experiments import steadiness
+from ssgi_cl.bench.experiments.shots import SHOTS, Shot
+from ssgi_cl.bench.wording import NOTHING, markdown
+from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.history import History
+from ssgi_cl.device.arrays import Size
+from ssgi_cl.device.gbuffer import on_device
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.rasterize import gbuffer as drawn
+from ssgi_cl.rasterize import rsm as drawn_map
+from ssgi_cl.techniques.ao.gtao import Gtao, GtaoParams, gtao
+from ssgi_cl.techniques.rsm.rsm_gather import rsm_gather
+from ssgi_cl.techniques.temporal.accumulate import Accumulate, AccumulateParams, Clamp, accumulate
+from ssgi_cl.truth.ray_ao import ray_ao
+
+Image = NDArray[np.float32]
+
+FIRST = 8
+"""Frame from which on errors count: a history has begun by then."""
+MODEL = 64
+"""Frames whose mean is the model."""
+PATTERN = 4
+"""Pixels along the side of the square that the pattern of lights repeats with."""
+SAMPLES = 64
+"""Texels that a pixel gathers light from."""
+MANY, FEW = 8, 1
+"""Slices without a history, and with one."""
+_HEAD = ("sequence", "method", "RMSE, rays", "RMSE, model", "temporal noise", "RMSE, uncovered", "lag, frames")
+
+
+@dataclass
+class Film:
+    """A sequence, its references, and what each method makes of it.
+
+    Attributes:
+        gbuffers: of the frames, with motion.
+        world, model: references of the frames; `world` is empty for light.
+        images: by method, one a frame.
+        switched: frame in which the light changes, or 0.
+    """
+
+    gbuffers: list[GBuffer] = field(default_factory=list)
+    world: list[Image] = field(default_factory=list)
+    model: list[Image] = field(default_factory=list)
+    images: dict[str, list[Image]] = field(default_factory=dict)
+    switched: int = 0
+
+
+def occlusion(gbuffer: GBuffer, shot: Shot, frame: int, slices: int, runtime: Runtime) -> Image:
+    """Return unblurred ambient occlusion of a frame."""
+    return gtao(gbuffer, radius=shot.radius, slices=slices, frame=frame, blur_radius=0, runtime=runtime)
+
+
+def light(gbuffer: GBuffer, shot: Shot, frame: int, maps: Sequence[Any], runtime: Runtime) -> Image:
+    """Return irradiance by one bounce, the pattern of whose samples lies elsewhere in each of 16 frames."""
+    rows, columns = gbuffer.size
+    before, above = frame % PATTERN, frame // PATTERN % PATTERN
+    part = shot.camera.cropped(-before, -above, columns + PATTERN - 1, rows + PATTERN - 1)
+    found = rsm_gather(drawn(shot.scene, part, runtime=runtime), maps, SAMPLES, pattern="rotated", runtime=runtime)
+    return found[above : above + rows, before : before + columns]
+
+
+def film(shots: Iterator[Shot], rays: int, runtime: Runtime, **params: Any) -> Film:
+    """Return a sequence with what the methods make of it.
+
+    Args:
+        shots: its frames.
+        rays: per pixel of the reference.
+        runtime: the device.
+        **params: of `accumulate`.
+    """
+    made = Film()
+    before: Shot | None = None
+    history: History | None = None
+    for number, shot in enumerate(shots):
+        earlier = before or shot
+        gbuffer = drawn(
+            shot.scene, shot.camera, previous_camera=earlier.camera, previous_scene=earlier.scene, runtime=runtime
+        )
+        if shot.switched:
+            made.switched = number
+        if shot.lights:
+            maps = [drawn_map(shot.scene, each, size=256, runtime=runtime) for each in shot.lights]
+            one = light(gbuffer, shot, number, maps, runtime)
+            made.model.append(np.stack([light(gbuffer, shot, k, maps, runtime) for k in range(16)]).mean(axis=0))
+            values = {f"{SAMPLES} samples": one}
+        else:
+            device = on_device(gbuffer, runtime)
+            turned = [gtao_of(device, shot, 1000 + k, runtime) for k in range(MODEL)]
+            made.model.append(np.stack(turned).mean(axis=0, dtype=np.float64).astype(np.float32))
+            if rays:
+                made.world.append(ray_ao(shot.scene, shot.camera, shot.radius, rays, gbuffer=gbuffer, seed=number))
+            one = occlusion(gbuffer, shot, number, FEW, runtime)
+            many = occlusion(gbuffer, shot, number, MANY, runtime)
+            values = {f"{FEW} slice": one, f"{MANY} slices": many}
+        previous = made.gbuffers[-1] if made.gbuffers else None
+        mean, history = accumulate(one, gbuffer, previous, history, runtime=runtime, **params)
+        first = next(iter(values))
+        for name, image in {**values, f"{first}, history": mean}.items():
+            made.images.setdefault(name, []).append(image)
+        made.gbuffers.append(gbuffer)
+        before = shot
+    return made
+
+
+def gtao_of(device: Any, shot: Shot, frame: int, runtime: Runtime) -> Image:
+    """Return ambient occlusion of one slice of a G-buffer in device memory."""
+    return gtao(device, radius=shot.radius, slices=FEW, frame=frame, blur_radius=0, runtime=runtime)
+
+
+def measured(made: Film) -> dict[str, dict[str, float]]:
+    """Return the measures of each method, by name; those that do not apply are left out."""
+    there = [np.isfinite(np.asarray(gbuffer.depth)) for gbuffer in made.gbuffers]
+    fresh = [a & b for a, b in zip(steadiness.uncovered(made.gbuffers), there, strict=True)]
+    begin = min(FIRST, len(there) - 1)
+    found: dict[str, dict[str, float]] = {}
+    for name, images in made.images.items():
+        late, model, masks = images[begin:], made.model[begin:], there[begin:]
+        own = {"model": steadiness.rmse(late, model, masks)}
+        if made.world:
+            own["world"] = steadiness.rmse(late, made.world[begin:], masks)
+        own["noise"] = steadiness.temporal_noise(late, model, masks) if len(late) > 1 else float("nan")
+        if any(mask.any() for mask in fresh[begin:]):
+            own["uncovered"] = steadiness.rmse(late, model, fresh[begin:])
+        if made.switched:
+            own["lag"] = steadiness.lag(images, made.model, made.switched)
+        found[name] = own
+    return found
+
+
+def told(results: Mapping[str, Mapping[str, Mapping[str, float]]]) -> str:
+    """Return the lines of a Markdown table of what `measured` returned, by sequence."""
+    lines = []
+    for shot, methods in results.items():
+        for method, own in methods.items():
+            cells = [f"{own[key]:.4f}" if key in own else NOTHING for key in ("world", "model", "noise", "uncovered")]
+            frames = f"{own['lag']:.0f}" if "lag" in own else NOTHING
+            lines.append((shot, method, *cells, "never" if frames == "-1" else frames))
+    return "\n".join(markdown(_HEAD, lines, "ll" + 5 * "r"))
+
+
+def times(size: Size, repeats: int, runtime: Runtime) -> dict[str, float]:
+    """Return milliseconds of a frame of ambient occlusion by each method, in device memory.
+
+    Medians of runs that take turns in one process.
+    """
+    shots = list(SHOTS["path through the hall"](size, 2))
+    gbuffers = [drawn(s.scene, s.camera, previous_camera=shots[0].camera, runtime=runtime) for s in shots]
+    before, now = (on_device(g, runtime, place=place) for place, g in enumerate(gbuffers))
+    accumulation = Accumulate(runtime, size, AccumulateParams(fast=1))  # clamps from the second frame on
+    one, many = (
+        Gtao(runtime, size, GtaoParams(radius=shots[0].radius, slices=slices, blur_radius=0)) for slices in (FEW, MANY)
+    )
+    with runtime.frame():
+        history = accumulation.run(before, one.run(before))
+
+    def with_history() -> None:
+        accumulation.run(now, one.run(now), previous=before, history=history)
+
+    methods = {
+        f"{FEW} slice": lambda: one.run(now),
+        f"{FEW} slice, history": with_history,
+        f"{MANY} slices": lambda: many.run(now),
+    }
+    return alternated(methods, repeats, runtime)
+
+
+def alternated(methods: Mapping[str, Any], repeats: int, runtime: Runtime) -> dict[str, float]:
+    """Return the median milliseconds of each method; they take turns, after one turn that does not count."""
+    found: dict[str, list[float]] = {name: [] for name in methods}
+    for turn in range(repeats + 1):
+        for name, run in methods.items():
+            with runtime.frame():
+                run()
+            runtime.finish()
+            if turn:
+                found[name].append(sum(entry.ms for entry in runtime.times() if not entry.skipped))
+    return {name: float(np.median(values)) for name, values in found.items()}
+
+
+@click.command()
+@click.option("--size", type=(int, int), default=(240, 180), show_default=True, help="Columns and rows.")
+@click.option("--frames", default=32, show_default=True, type=click.IntRange(2, 1000), help="Of each sequence.")
+@click.option("--rays", default=64, show_default=True, help="Of the reference, per pixel; 0: no reference by rays.")
+@click.option("--shot", "names", multiple=True, type=click.Choice(tuple(SHOTS)), help="A sequence; several. All.")
+@click.option("--clamp", type=click.Choice(("neighbourhood", "fast", "none")), help="Of the accumulation.")
+@click.option("--repeats", default=25, show_default=True, help="Turns of the timing.")
+def main(
+    size: tuple[int, int], frames: int, rays: int, names: tuple[str, ...], clamp: Clamp | None, repeats: int
+) -> None:
+    """Print RMSE, temporal noise, ghosting and lag of sequences with and without a history."""
+    runtime = Runtime.open()
+    params = {} if clamp is None else {"clamp": clamp}
+    own: Size = (size[1], size[0])
+    results = {name: measured(film(SHOTS[name](own, frames), rays, runtime, **params)) for name in names or SHOTS}
+    click.echo(told(results))
+    for name, ms in times(own, repeats, runtime).items():
+        click.echo(f"{name}: {ms:.2f} ms")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,90 @@
+"""Measures of sequences of images: error, temporal noise, ghosting and lag.
+
+All are of errors e = image - reference, one reference a frame, over the pixels that show something.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.core.gbuffer import GBuffer
+
+Doubles = NDArray[np.float64]
+Images = Sequence[NDArray[np.floating]]
+Masks = Sequence[NDArray[np.bool_]]
+
+UNCOVERED = 8
+"""Frames for which a pixel counts as uncovered."""
+DEPTH = 0.02
+"""Difference of depths, relative to them, from which on the previous image shows another surface."""
+FOLLOWED = 0.9
+"""Share of a step that has to be followed."""
+
+
+def rmse(images: Images, references: Images, masks: Masks) -> float:
+    """Return the root mean square error over some pixels of all frames; NaN if there are none."""
+    squares = [_squared(i, r)[m] for i, r, m in zip(images, references, masks, strict=True)]
+    values = np.concatenate(squares)
+    return float(np.sqrt(values.mean())) if values.size else float("nan")
+
+
+def temporal_noise(images: Images, references: Images, masks: Masks) -> float:
+    """Return the root mean square of what the change from frame to frame errs by, from the second frame on.
+
+    It is e - e of the frame before in the same pixel: a static error is none, flicker and swimming are.
+    """
+    errors = [np.asarray(i, np.float64) - r for i, r in zip(images, references, strict=True)]
+    changes = [b - a for a, b in pairwise(errors)]
+    nothing = [np.zeros_like(change) for change in changes]
+    return rmse(changes, nothing, masks[1:])
+
+
+def uncovered(gbuffers: Sequence[GBuffer]) -> list[NDArray[np.bool_]]:
+    """Return for each frame which pixels came into view within the last `UNCOVERED` frames, that one included.
+
+    Found by the depth of the previous image in the nearest pixel of where the motion leads, without what techniques
+    look at: normals, planes and weights. The first frame has none.
+
+    Args:
+        gbuffers: without margin, with motion of three components from the second frame on.
+    """
+    ages: list[NDArray[np.int_]] = [np.full(gbuffers[0].size, UNCOVERED)]
+    for before, now in pairwise(gbuffers):
+        depth, motion, earlier = now.first("depth"), now.first("motion"), before.first("depth")
+        assert depth is not None  # noqa: S101  every G-buffer has one
+        assert earlier is not None  # noqa: S101
+        if motion is None or motion.shape[2] != 3:
+            raise ValueError("a G-buffer has no motion of three components")
+        row, column = np.indices(now.size)
+        x = np.rint(column + np.clip(motion[..., 0], -1e5, 1e5)).astype(int)
+        y = np.rint(row + np.clip(motion[..., 1], -1e5, 1e5)).astype(int)
+        inside = (x >= 0) & (x < before.size[1]) & (y >= 0) & (y < before.size[0])
+        x, y = np.where(inside, x, 0), np.where(inside, y, 0)
+        expected = np.where(np.isfinite(depth), depth + motion[..., 2], 1.0)
+        seen = np.where(np.isfinite(earlier[y, x]), earlier[y, x], np.inf)
+        same = inside & (np.abs(seen - expected) <= DEPTH * expected)
+        ages.append(np.where(same, np.minimum(ages[-1][y, x] + 1, UNCOVERED), 0))
+    return [age < UNCOVERED for age in ages]
+
+
+def lag(images: Images, references: Images, switched: int) -> int:
+    """Return the frames after a switch until `FOLLOWED` of the step is followed; 0: in the frame itself.
+
+    The step is the mean of the references' change; -1 if no image follows it.
+    """
+    before, after = (float(np.mean(references[i])) for i in (switched - 1, switched))
+    for number, image in enumerate(images[switched:]):
+        if abs(float(np.mean(image)) - after) <= (1.0 - FOLLOWED) * abs(before - after):
+            return number
+    return -1
+
+
+def _squared(image: NDArray[np.floating], reference: NDArray[np.floating]) -> Doubles:
+    """Return squared errors [rows, columns], of colours their mean over channels."""
+    error = np.asarray(image, np.float64) - np.asarray(reference, np.float64)
+    squares: Doubles = error**2
+    return squares if squares.ndim == 2 else squares.mean(axis=-1)

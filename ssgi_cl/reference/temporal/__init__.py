@@ -1,0 +1,1 @@
+"""Numpy references of the reuse of earlier frames."""

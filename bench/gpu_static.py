@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -46,14 +46,14 @@ def worst(each: Iterable[Usage]) -> Usage:
     return Usage(**{name: choose(one[name] for one in listed) for name, choose in choice.items()})
 
 
-def table(made: Iterable[Build], kernel: str = "") -> Iterator[tuple[str, dict[str, Usage]]]:
-    """Yield what each kernel whose name holds `kernel` takes, in either storage."""
+def table(made: Iterable[Build], wanted: Sequence[str] = ()) -> Iterator[tuple[str, dict[str, Usage]]]:
+    """Yield what each kernel takes in either storage; of those `wanted` alone, if any are."""
     by_path: dict[str, list[Build]] = {}
     for build in made:
         by_path.setdefault(build.path, []).append(build)
     for path, each in sorted(by_path.items()):
         name = Path(path).stem
-        for storage in STORAGES if kernel in name else ():
+        for storage in STORAGES if not wanted or name in wanted else ():
             found: dict[str, list[Usage]] = {}
             for build in each:
                 for device, usage in _used(build, storage).items():
@@ -137,9 +137,9 @@ def markdown(found: Mapping[str, Mapping[str, Usage]]) -> str:
 
 
 @click.command()
-@click.option("--kernel", default="", help="Only kernels whose name holds this.")
+@click.option("--kernel", "kernels", multiple=True, help="Only this kernel; several.")
 @click.option("--record", is_flag=True, help="Keep the figures in docs/figures/gpu.json, and make docs/gpu.md.")
-def main(kernel: str, record: bool) -> None:
+def main(kernels: tuple[str, ...], record: bool) -> None:
     """Compile every kernel for graphics processors, and print what they take; takes some minutes.
 
     The exit status is 1 if a kernel is worse than recorded. Compilers that are missing are named and left out.
@@ -150,12 +150,12 @@ def main(kernel: str, record: bool) -> None:
             if record:
                 raise click.UsageError("--record needs all compilers")
     found: Table = {}
-    for name, devices in table(builds(Runtime.open(lanes=1, storage="buffer")), kernel):
+    for name, devices in table(builds(Runtime.open(lanes=1, storage="buffer")), kernels):
         found[name] = devices
         click.echo(name, err=True)
     click.echo(markdown(found), nl=False)
     if record:
-        _keep({**recorded()[1], **found} if kernel else found)
+        _keep({**recorded()[1], **found} if kernels else found)
     elif lines := worse(found, recorded()[1]):
         raise click.ClickException("worse than recorded:\n" + "\n".join(lines))
 

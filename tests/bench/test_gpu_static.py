@@ -123,6 +123,16 @@ def test_every_kernel_is_recorded_on_every_device() -> None:
     assert all([*devices] == [*DEVICES] for devices in kept.values())
 
 
+@pytest.mark.parametrize("name", ["gtao", "hbao", "bitmask_ao", "ssdo_bitmask"])
+def test_scans_of_slices_keep_nothing_in_memory(name: str) -> None:
+    _, kept = gpu_static.recorded()
+    for storage in gpu_static.STORAGES:
+        # ocloc alone moves two numbers of ssdo_bitmask there.
+        found = {device: usage.scratch for device, usage in kept[f"{name}, {storage}"].items()}
+        assert found == {**dict.fromkeys(DEVICES, 0), INTEL: found[INTEL]}
+        assert found[INTEL] <= 8
+
+
 @pytest.mark.slow
 def test_no_kernel_is_worse_than_recorded() -> None:
     said, kept = gpu_static.recorded()

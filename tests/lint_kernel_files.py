@@ -9,13 +9,14 @@ from pathlib import Path
 
 import pytest
 
+from ssgi_cl.bench.built import builds
 from ssgi_cl.device import sources
 from ssgi_cl.device.constants import definitions
 from ssgi_cl.device.drivers import KERNEL_VARIANTS
+from ssgi_cl.device.programs import defines
 from ssgi_cl.device.runtime import Runtime
 
 from .device.test_kernel_files import is_guarded, text_of
-from .launches import builds
 
 WARNINGS = [
     "-Weverything",
@@ -44,8 +45,7 @@ def test_clang_has_no_warning_about_a_kernel(path: str, runtime: Runtime, tmp_pa
             generated += [struct.text for struct in build.structs]
             prelude.write_text("\n".join(generated) + "\n")
             for variant in KERNEL_VARIANTS:
-                images = int(variant.storage == "image")
-                options = {"SSGI_LANES": variant.lanes, "SSGI_IMAGES": images, "SSGI_IMAGE_ROWS": 2048, **build.macros}
+                options = defines(variant, build.macros, 2048)
                 done = subprocess.run(
                     [
                         clang,

@@ -49,16 +49,15 @@ SSGI_INLINE void bitmask_slice(ssgi_plane inv_depth, const SsgiReceiver *receive
     for (int side = 0; side < 2; ++side) {
 #pragma unroll 1
         for (int layer = 0; layer < SLICES_LAYERS; ++layer) {
-            const int every = layer == 0 ? 1 : path.every;
             if (BITMASK_JOINED) {
                 bitmask_begin(&sided, slice, side, layer, surfaces);
             }
 #pragma unroll 1
-            for (int t = every - 1; t < path.count; t += every) {
-                const SsgiTap tap = ssgi_tap(inv_depth, &sided, slice, &taps, side, t, layer);
+            for (BitmaskStep at = bitmask_start(&path, layer);
+                 bitmask_next(slice, &path, layer, &at);) {
+                const SsgiTap tap = ssgi_tap(inv_depth, &sided, slice, &taps, side, at.t, layer);
                 if (BITMASK_JOINED) {
-                    const float per_px = bitmask_per_px(&path, t, layer);
-                    bitmask_join(inv_depth, &sided, slice, &tap, per_px, side, layer, params,
+                    bitmask_join(inv_depth, &sided, slice, &tap, at.per_px, side, layer, params,
                                  surfaces);
                 } else {
                     bitmask_tap(inv_depth, &sided, slice, &tap, side, layer, surfaces);
@@ -107,6 +106,9 @@ __kernel void bitmask_ao(ssgi_plane inv_depth, ssgi_plane normal,
     while (ssgi_next_group(inv_depth, &receiver, params, &group)) {
         const vfloat found = bitmask_scan(inv_depth, &receiver, &pattern, group.radius, params);
         occluded = v_select(occluded, found, group.alike);
+        if (SSGI_LANES == 1) {
+            break; // a receiver is in one group
+        }
     }
     ssgi_store_ao(occluded, &receiver, params, visibility, size, &item);
 }

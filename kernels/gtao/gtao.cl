@@ -154,12 +154,12 @@ SSGI_INLINE void gtao_scan(ssgi_plane inv_depth, const SsgiReceiver *receiver,
         vfloat highest[2] = {v_splat(0.0f), v_splat(0.0f)};
 #pragma unroll 1
         for (int t = 0; t < SLICES_TAPS; ++t) {
-            const SsgiPair pair = ssgi_pair(receiver, &taps, t);
+            const SsgiPair pair = ssgi_pair(receiver, &slice, &taps, t);
 #pragma unroll 1
             for (int layer = 0; layer < SLICES_LAYERS; ++layer) {
                 const SsgiPairTap both[2] = {
-                    ssgi_pair_tap(&pair, inv_depth, receiver, &taps, 0, t, layer),
-                    ssgi_pair_tap(&pair, inv_depth, receiver, &taps, 1, t, layer),
+                    ssgi_pair_tap(&pair, inv_depth, receiver, &slice, &taps, 0, t, layer),
+                    ssgi_pair_tap(&pair, inv_depth, receiver, &slice, &taps, 1, t, layer),
                 };
 #pragma unroll
                 for (int side = 0; side < 2; ++side) {
@@ -212,6 +212,9 @@ __kernel void gtao(ssgi_plane inv_depth, ssgi_plane normal, __global const float
 #pragma unroll
         for (int i = 0; i < GTAO_IMAGES; ++i) {
             images[i] = v_select(images[i], found[i], group.alike);
+        }
+        if (SSGI_LANES == 1) {
+            break; // a receiver is in one group
         }
     }
     ssgi_store_ao(images[0], &receiver, params, visibility, size, &item);

@@ -125,12 +125,12 @@ SSGI_INLINE vfloat hbao_scan(ssgi_plane inv_depth, const SsgiReceiver *receiver,
         HbaoHorizons at = hbao_begin(receiver, &slice, params);
 #pragma unroll 1
         for (int t = 0; t < SLICES_TAPS; ++t) {
-            const SsgiPair pair = ssgi_pair(receiver, &taps, t);
+            const SsgiPair pair = ssgi_pair(receiver, &slice, &taps, t);
 #pragma unroll 1
             for (int layer = 0; layer < SLICES_LAYERS; ++layer) {
                 const SsgiPairTap both[2] = {
-                    ssgi_pair_tap(&pair, inv_depth, receiver, &taps, 0, t, layer),
-                    ssgi_pair_tap(&pair, inv_depth, receiver, &taps, 1, t, layer),
+                    ssgi_pair_tap(&pair, inv_depth, receiver, &slice, &taps, 0, t, layer),
+                    ssgi_pair_tap(&pair, inv_depth, receiver, &slice, &taps, 1, t, layer),
                 };
                 hbao_raise(receiver, &slice, both, params, &at);
             }
@@ -157,6 +157,9 @@ __kernel void hbao(ssgi_plane inv_depth, ssgi_plane normal, __global const float
     while (ssgi_next_group(inv_depth, &receiver, params, &group)) {
         const vfloat found = hbao_scan(inv_depth, &receiver, &pattern, group.radius, params);
         occluded = v_select(occluded, found, group.alike);
+        if (SSGI_LANES == 1) {
+            break; // a receiver is in one group
+        }
     }
     ssgi_store_ao(occluded, &receiver, params, visibility, size, &item);
 }

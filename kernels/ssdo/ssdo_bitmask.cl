@@ -91,6 +91,7 @@ SSGI_INLINE void ssdo_slice(ssgi_plane inv_depth, const SsgiReceiver *receiver,
         pieces_begin_side(&sided, pieces);
 #pragma unroll 1
         for (int t = 0; t < SLICES_TAPS; ++t) {
+            piece_go_on(slice, t, &ends);
 #pragma unroll 1
             for (int layer = 0; layer < SLICES_LAYERS; ++layer) {
                 const SsgiTap tap = ssgi_tap(inv_depth, &sided, slice, &taps, side, t, layer);
@@ -219,6 +220,9 @@ ssdo_bitmask(ssgi_plane inv_depth, ssgi_plane normal, __global const float *rest
             for (int s = 0; s < 2 * SLICES_COUNT; ++s) {
                 bits[s] = v_iselect(bits[s], found_bits[s], group.alike);
             }
+        }
+        if (SSGI_LANES == 1) {
+            break; // a receiver is in one group
         }
     }
     ssgi_store_ao(images[0], &receiver, params, light, size, &item);

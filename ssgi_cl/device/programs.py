@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from ssgi_cl.core.errors import KernelBuildError
 from ssgi_cl.device import sources
 from ssgi_cl.device.compiled import CompiledRecord
-from ssgi_cl.device.drivers import pocl_cache
+from ssgi_cl.device.drivers import KernelVariant, pocl_cache
 from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.memory import outline
 from ssgi_cl.device.opencl import opencl
@@ -34,6 +34,25 @@ hundred milliseconds."""
 
 _NO_HEADER = "-D_OPENCL_H_"
 """The include guard of Clang's opencl-c.h, which PoCL 3 includes in every program."""
+
+OPTIONS = ("-cl-std=CL1.2", "-w")
+"""Build options of every program. PoCL's Clang prints how many warnings it had on stderr ("206 warnings
+generated."), hence -w; the lint reads them. Errors stay in the build log."""
+
+
+def defines(
+    variant: KernelVariant, macros: Mapping[str, int], image_rows: int | None = None, most_lanes: int = 16
+) -> dict[str, int]:
+    """Return what is defined in a program of a form: how it reads and how wide, and its own `macros`.
+
+    `image_rows` are those of the device's images, where it reads images.
+    """
+    return {
+        "SSGI_LANES": min(variant.lanes, most_lanes),
+        "SSGI_IMAGES": int(variant.storage == "image"),
+        **({"SSGI_IMAGE_ROWS": image_rows} if image_rows else {}),
+        **dict(sorted(macros.items())),
+    }
 
 
 class Programs:
@@ -119,15 +138,8 @@ class Programs:
         most_lanes: int = 16,
     ) -> Kernel:
         limits = self._runtime.image_limits
-        defined = {
-            "SSGI_LANES": min(self._runtime.variant.lanes, most_lanes),
-            "SSGI_IMAGES": int(self._runtime.variant.storage == "image"),
-            **({"SSGI_IMAGE_ROWS": limits.rows} if limits else {}),
-            **dict(sorted(macros.items())),
-        }
-        # -w: PoCL's Clang prints how many warnings it had on stderr ("206 warnings generated."); the
-        # lint reads them. Errors stay in the build log.
-        options = ["-cl-std=CL1.2", "-w", ARGUMENT_INFO, *(f"-D{macro}={value}" for macro, value in defined.items())]
+        defined = defines(self._runtime.variant, macros, limits.rows if limits else None, most_lanes)
+        options = [*OPTIONS, ARGUMENT_INFO, *(f"-D{macro}={value}" for macro, value in defined.items())]
         key = hashlib.sha256("\0".join([text, *options]).encode()).hexdigest()
         program = self._programs.get(key)
         if program is None:

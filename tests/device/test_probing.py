@@ -249,3 +249,24 @@ def test_the_widest_form_within_15_percent_of_the_fastest_is_best() -> None:
     for best, speeds in ((3, (10.0, 20.0, 100.0, 86.0)), (2, (10.0, 20.0, 100.0, 84.0)), (1, (10.0, 90.0, 50.0, 40.0))):
         info = DeviceInfo("", 0, 0, "", "cpu", 1, dict(zip(NAMES, speeds, strict=True)))
         assert info.best == KERNEL_VARIANTS[best]
+
+
+@pytest.mark.parametrize(
+    ("best", "speeds"),
+    [
+        (1, (100.0, 100.0, 190.0, 199.0)),
+        (1, (100.0, 86.0, 100.0, 100.0)),
+        (0, (100.0, 84.0, 180.0, 180.0)),
+        (2, (100.0, 90.0, 201.0, 150.0)),
+    ],
+)
+def test_a_gpu_gets_one_lane_unless_more_are_twice_as_fast(best: int, speeds: tuple[float, ...]) -> None:
+    named = dict(zip(map(str, KERNEL_VARIANTS), speeds, strict=True))
+    assert DeviceInfo("", 0, 0, "a card", "gpu", 1, named).best == KERNEL_VARIANTS[best]
+    assert DeviceInfo("", 0, 0, "a processor", "cpu", 1, named).best in KERNEL_VARIANTS[2:]
+
+
+def test_a_gpu_that_runs_wide_kernels_alone_gets_those() -> None:
+    named: dict[str, float | str] = dict.fromkeys(map(str, KERNEL_VARIANTS), "crashes")
+    named |= {str(KERNEL_VARIANTS[2]): 10.0}
+    assert DeviceInfo("", 0, 0, "a card", "gpu", 1, named).best == KERNEL_VARIANTS[2]

@@ -13,14 +13,13 @@ import numpy as np
 import pytest
 
 import ssgi_cl
+from ssgi_cl.bench.built import builds
 from ssgi_cl.core.errors import DeviceError, KernelSourceError
 from ssgi_cl.device import sources
 from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.signature import ARGUMENT_INFO, PLANE, Parameter, Signature, _written
 from ssgi_cl.device.structs import CAMERA, Struct, floats
-
-from ..launches import builds
 
 PAIR = Struct("Pair", (*floats("first"), ("second", "int")))
 REFERENCE = Struct("Twin", PAIR.members)

@@ -7,14 +7,15 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import ssgi_cl as gi
-from ssgi_cl.bench import every
-from ssgi_cl.bench.drawn import polished
 from ssgi_cl.device.drivers import probe_timer
 from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import Struct
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.tuning.calibration import Calibration
+
+from . import every
+from .drawn import polished
 
 
 @dataclass(frozen=True)
@@ -65,9 +66,10 @@ def builds(runtime: Runtime) -> tuple[Build, ...]:
              for i, m in enumerate(made.scene.materials)]  # fmt: skip
     gi.render(replace(made.scene, materials=tuple(panes)), made.camera(64, 48), made.lights, bounces=0, runtime=own)
     gbuffer = gi.rasterize.gbuffer(made.scene, made.camera(64, 48), runtime=own)
+    spot = next(light for light in made.lights if isinstance(light, gi.SpotLight))
     gi.vpl_splat(
         gbuffer,
-        gi.rasterize.rsm(made.scene, made.lights[0], size=32, runtime=own),
+        gi.rasterize.rsm(made.scene, spot, size=32, runtime=own),
         64,
         interleave=True,
         visibility=True,

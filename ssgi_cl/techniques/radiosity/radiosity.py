@@ -213,8 +213,9 @@ class Radiosity(Prepared[RadiosityParams]):
 
     def _volume(self, own: SentLight, also: SentLight | None = None) -> LightVolume:
         """Return the light in the scene's cube; see `LightVolume`."""
-        half = self._device.half
-        return LightVolume(own, self._device.camera.position - half, 2.0 * half, also)
+        half, dark = self._device.half, self._device.unlit
+        unlit = SentLight(dark.position + dark.origin, dark.normal, dark.area, np.zeros((len(dark), 3)))
+        return LightVolume(own, self._device.camera.position - half, 2.0 * half, also, unlit)
 
     def _of_maps(self, records: Floats | None) -> SentLight | None:
         """Return the first bounce of the light of maps."""

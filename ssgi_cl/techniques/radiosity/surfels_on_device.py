@@ -61,9 +61,11 @@ class DeviceSurfels:
         surfels: what is in device memory; `fill` sets it.
         camera: at the middle of the scene, along the world's axes: kernels count from there.
         unit: scene units of the length in which they count.
+        unlit: those left out as they face spaces that no light enters.
     """
 
     surfels: Surfels
+    unlit: Surfels
     camera: Camera
     unit: float
 
@@ -162,6 +164,7 @@ class DeviceSurfels:
         out, too, and those that face a space in `dark`.
         """
         if not len(surfels):
+            self.unlit = surfels
             return surfels, np.zeros((0, 3), np.float32)
         self._upload(surfels)
         part = self._find_starts(surfels, solid)
@@ -169,8 +172,9 @@ class DeviceSurfels:
         opened = self._seen.download().reshape(4, -1)[3, : len(surfels)]
         starts = self._rows.download().reshape(ROWS, -1)[START_ROWS, : len(surfels)]
         kept = (opened < OPEN) & (part >= 0)
-        if dark:
-            kept &= ~np.isin(self._air.at(starts.T), list(dark))
+        unlit = kept & np.isin(self._air.at(starts.T), list(dark))
+        self.unlit = surfels.chosen(np.flatnonzero(unlit))
+        kept &= ~unlit
         return surfels.centred(np.maximum(part, 0)).chosen(np.flatnonzero(kept)), starts[:, kept].T
 
     def _upload(self, surfels: Surfels, starts: Floats | None = None) -> None:

@@ -36,9 +36,14 @@ class Build:
 
 
 @cache
-def builds(runtime: Runtime) -> tuple[Build, ...]:
-    """Run every technique once and return all kernels that this built."""
+def builds(runtime: Runtime, kind: str | None = None) -> tuple[Build, ...]:
+    """Run every technique once and return all kernels that this built.
+
+    With a `kind` they are those of such devices, such as "gpu", run by this one.
+    """
     own = Runtime(runtime.info, runtime.variant)
+    if kind is not None:
+        own.info = replace(own.info, kind=kind)
     every.results(every.inputs(own, (20, 32), 16), own)
     made = BUILTIN_SCENES["cornell_box"]()
     # Lights with lobes in the occupancy grid.

@@ -46,6 +46,11 @@ def worst(each: Iterable[Usage]) -> Usage:
     return Usage(**{name: choose(one[name] for one in listed) for name, choose in choice.items()})
 
 
+def gpu_builds() -> tuple[Build, ...]:
+    """Return all kernels as they are built for a GPU with 1 lane; the default device runs them in its place."""
+    return builds(Runtime.open(lanes=1, storage="buffer"), "gpu")
+
+
 def table(made: Iterable[Build], wanted: Sequence[str] = ()) -> Iterator[tuple[str, dict[str, Usage]]]:
     """Yield what each kernel takes in either storage; of those `wanted` alone, if any are."""
     by_path: dict[str, list[Build]] = {}
@@ -150,7 +155,7 @@ def main(kernels: tuple[str, ...], record: bool) -> None:
             if record:
                 raise click.UsageError("--record needs all compilers")
     found: Table = {}
-    for name, devices in table(builds(Runtime.open(lanes=1, storage="buffer")), kernels):
+    for name, devices in table(gpu_builds(), kernels):
         found[name] = devices
         click.echo(name, err=True)
     click.echo(markdown(found), nl=False)

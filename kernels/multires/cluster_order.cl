@@ -10,11 +10,17 @@
 // Writes:  records  [segments][tree_first(params.stride, 4)][TREE_RECORD] of which the lights'
 //          bounds   [segments][tree_first_bound(params.stride, 4)] likewise
 // Params:  lights of all segments: total; VplParams of the first segment
-// Launch:  a work-item for each segment
+// Launch:  a work-group of SSGI_GROUP work-items for each segment, each for as many lights, one
+// after
+//          the other
 
 #include "common/camera.clh"
 #include "common/gbuffer.clh"
 #include "multires/cluster.clh"
+
+#ifndef SSGI_GROUP
+#error "ssgi_cl/device/constants.py defines SSGI_GROUP"
+#endif
 
 // 0 to 5: the axis nearest to a direction, and its sign. No two axes are weighed alike: a camera
 // often looks along a diagonal of a room, whose walls must not be torn by rounding.
@@ -29,32 +35,41 @@ __kernel void cluster_order(__global const float *restrict lights, __global floa
                             __global float *restrict bounds, const int2 size,
                             const VplParams params, const int total, const int parts)
 {
-    const int segment = (int)get_global_id(0);
+    __local int counts[6][SSGI_GROUP]; // of lights by axis, of each work-item
+    __local int places[6][SSGI_GROUP]; // where its next light of an axis goes
+    const int item = (int)get_local_id(0);
+    const int segment = (int)get_group_id(0);
     const int stride = params.stride;
-    if (segment * stride >= max(total, 1)) {
-        return;
-    }
     const int count = min(total - segment * stride, stride);
+    const int share = (stride + SSGI_GROUP - 1) / SSGI_GROUP;
+    const int begin = min(item * share, stride);
+    const int end = segment * stride < max(total, 1) ? min(begin + share, stride) : begin;
     lights += segment * params.span * TREE_RECORD;
     records += segment * tree_first(stride, 4) * TREE_RECORD;
     bounds += segment * tree_first_bound(stride, 4);
-    int place[6] = {0, 0, 0, 0, 0, 0};
-    for (int i = 0; i < count; ++i) {
-        place[cluster_axis(lights + i * TREE_RECORD + 4)] += 1;
+    for (int axis = 0; axis < 6; ++axis) {
+        counts[axis][item] = 0;
     }
+    for (int i = begin; i < min(end, count); ++i) {
+        counts[cluster_axis(lights + i * TREE_RECORD + 4)][item] += 1;
+    }
+    barrier(CLK_LOCAL_MEM_FENCE);
     int before = 0;
     for (int axis = 0; axis < 6; ++axis) {
-        const int own = place[axis];
-        place[axis] = before;
-        before += own;
+        for (int other = 0; other < SSGI_GROUP; ++other) {
+            if (other == item) {
+                places[axis][item] = before;
+            }
+            before += counts[axis][other];
+        }
     }
-    for (int i = 0; i < stride; ++i) {
+    for (int i = begin; i < end; ++i) {
         __global const float *restrict light = lights + i * TREE_RECORD;
         int to = i;
         if (i < count) {
             const int axis = cluster_axis(light + 4);
-            to = place[axis];
-            place[axis] = to + 1;
+            to = places[axis][item];
+            places[axis][item] = to + 1;
         }
         for (int j = 0; j < TREE_RECORD; ++j) {
             records[to * TREE_RECORD + j] = i < count ? light[j] : 0.0f;

@@ -6,7 +6,7 @@
 //                   all light over that by the lights, 1 or more
 // Params:  count; shares of the mean: interpolation, runs; stage: CUT_OWN before other light is
 //          added to what is found, CUT_ALL then, CUT_ALONE where there is none
-// Launch:  one work-item
+// Launch:  one work-group of SSGI_GROUP work-items, each for every so-many-th of what is found
 
 #include "common/lanes.clh"
 
@@ -14,16 +14,28 @@
 #error "ssgi_cl/device/constants.py defines CUT_OWN, CUT_ALL, CUT_ALONE"
 #endif
 
+#ifndef SSGI_GROUP
+#error "ssgi_cl/device/constants.py defines SSGI_GROUP"
+#endif
+
 __kernel void cut_limits(__global const float *restrict found, __global float *restrict limits,
                          const int2 size, const int count, const float interpolation,
                          const float runs, const int stage)
 {
-    if (get_global_id(0) > 0) {
+    __local float sums[SSGI_GROUP]; // of the work-items
+    const int item = (int)get_local_id(0);
+    float sum = 0.0f;
+    for (int i = item; i < count; i += SSGI_GROUP) {
+        sum += found[i] * (1.0f / (float)count);
+    }
+    sums[item] = sum;
+    barrier(CLK_LOCAL_MEM_FENCE);
+    if (item > 0) {
         return;
     }
-    float sum = 0.0f;
-    for (int i = 0; i < count; ++i) {
-        sum += found[i] * (1.0f / (float)count);
+    sum = 0.0f;
+    for (int i = 0; i < SSGI_GROUP; ++i) {
+        sum += sums[i];
     }
     if (stage == CUT_OWN) {
         limits[2] = sum; // until the other stage

@@ -12,7 +12,7 @@ from ssgi_cl.core.camera import LARGEST_SIZE, Camera
 from ssgi_cl.core.motion import MOST_MOTION
 from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size, plane_bytes
-from ssgi_cl.device.constants import RASTER_COUNTERS, RASTER_RECORD, RASTER_TILE
+from ssgi_cl.device.constants import RASTER_COUNTERS, RASTER_RECORD, RASTER_TILE, SSGI_GROUP
 from ssgi_cl.device.gbuffer import DeviceGBuffer, WorldNormals
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, camera_values
@@ -378,7 +378,8 @@ class Rasterizer:
         )
         self._scan.run(
             (1, tile_count),
-            grid=(1, 1),
+            grid=(1, SSGI_GROUP),
+            local=(1, SSGI_GROUP),
             tiles=self._counts,
             starts=self._starts,
             cursors=self._cursors,

@@ -14,6 +14,8 @@ from ssgi_cl.core.vpls import SHARPEST
 
 SSGI_GUARD = 16
 """Floats between the rows of a plane: a load may reach so far past either end of a row."""
+SSGI_GROUP = 64
+"""Work-items of a work-group: every device takes so many, and kernels have so many that share local memory."""
 
 SLICES_GROUP = 16
 """Pixels that scan together, every fourth of a row."""

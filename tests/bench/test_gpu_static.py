@@ -7,11 +7,9 @@ from dataclasses import replace
 import pytest
 
 from ssgi_cl.bench import gpu_static
-from ssgi_cl.bench.built import builds
 from ssgi_cl.bench.gpu_compile import AMD, INTEL, NVIDIA, Usage, missing, usages, versions, warps
 from ssgi_cl.core.errors import KernelBuildError
 from ssgi_cl.device import sources
-from ssgi_cl.device.runtime import Runtime
 
 DEVICES = (AMD, *NVIDIA, INTEL)
 SOME = Usage(registers=64, spills=0, scratch=16, resident=12, most=16)
@@ -134,9 +132,17 @@ def test_scans_of_slices_keep_nothing_in_memory(name: str) -> None:
 
 
 @pytest.mark.slow
+def test_kernels_are_those_of_a_gpu() -> None:
+    (setup,) = {
+        build.macros["RASTER_RUN"] for build in gpu_static.gpu_builds() if build.path == "raster/raster_setup.cl"
+    }
+    assert setup == 1  # triangle of a work-item; 256 on processors
+
+
+@pytest.mark.slow
 def test_no_kernel_is_worse_than_recorded() -> None:
     said, kept = gpu_static.recorded()
     if versions() != said:
         pytest.skip(f"compilers are {versions()}, recorded are {said}")
-    found = dict(gpu_static.table(builds(Runtime.open(lanes=1, storage="buffer"))))
+    found = dict(gpu_static.table(gpu_static.gpu_builds()))
     assert gpu_static.worse(found, kept) == []

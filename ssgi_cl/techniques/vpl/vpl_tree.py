@@ -18,6 +18,7 @@ from ssgi_cl.device.constants import (
     CUT_OWN,
     CUT_SAMPLE,
     CUT_SHARED,
+    SSGI_GROUP,
     TREE_BOUNDS,
     TREE_LEAF,
     TREE_RECORD,
@@ -137,7 +138,8 @@ class VplTree:
         segments = self.lights.segments
         self._order.run(
             (1, 1),
-            grid=(1, segments),
+            grid=(1, segments * SSGI_GROUP),
+            local=(1, SSGI_GROUP),
             lights=self.lights.lights,
             records=self._records,
             bounds=self._bounds,
@@ -203,7 +205,8 @@ class VplTree:
         """Queue the pass that sets `limits` from what is found."""
         self._limits.run(
             (1, 1),
-            grid=(1, 1),
+            grid=(1, SSGI_GROUP),
+            local=(1, SSGI_GROUP),
             found=self._found,
             limits=self.limits,
             count=SAMPLES,

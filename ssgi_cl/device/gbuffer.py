@@ -57,6 +57,7 @@ class DeviceGBuffer:
         thickness: 1 image, scene units, or None if the contents have none.
         has_facets: whether depths are exact enough to tell a triangle's plane from neighbours':
             those of the rasteriser are.
+        is_exact: likewise, also of what was drawn elsewhere and uploaded, see `GBuffer.exact`.
         region: pixels of the planes, margin and all, outside which nothing is; None if that is not
             known.
         traces: of what was drawn into each layer.
@@ -97,6 +98,7 @@ class DeviceGBuffer:
         self._no_emission = runtime.plane(1, (1, 1))
         self.emits = self.mirrors = False
         self.has_facets = False
+        self._exact_upload = False
         self.region: Region | None = None
         self.previous_regions = [PreviousRegion() for _ in range(layers)]
         self._derived = PreviousRegion()
@@ -154,6 +156,11 @@ class DeviceGBuffer:
         return self._normal_world
 
     @property
+    def is_exact(self) -> bool:
+        """Whether depths are not rounded beyond float32."""
+        return self.has_facets or self._exact_upload
+
+    @property
     def has_world(self) -> bool:
         """Whether `normal_world` is there."""
         return self._normal_world is not None
@@ -188,6 +195,7 @@ class DeviceGBuffer:
             )
         self.region = None
         self.has_facets = False
+        self._exact_upload = gbuffer.exact
         self.previous_regions = [PreviousRegion() for _ in range(self.layers)]
         plain = self._plain_albedo
         depth = np.asarray(gbuffer.depth)

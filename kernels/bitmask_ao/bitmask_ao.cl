@@ -29,6 +29,7 @@
 #error "SLICES_COUNT, _TAPS, _LAYERS, _DEEPER, _THICKNESS, _NEXT, BITMASK_ANGLE, _JOINED needed"
 #endif
 
+#define SLICES_FACETS SLICES_COSINE
 #include "bitmask_ao/surfaces.clh"
 #include "common/scan.clh"
 
@@ -42,8 +43,8 @@ SSGI_INLINE void bitmask_slice(ssgi_plane inv_depth, const SsgiReceiver *receive
     BitmaskPath path;
     bitmask_taps(receiver, slice, centre, params, &taps, &path);
     ssgi_ask_taps(inv_depth, receiver, &taps, path.every, SLICES_DEEPER);
-    surfaces->covered = v_splat_int(0);
     surfaces->measure = bitmask_measure(slice);
+    surfaces->covered = v_splat_int(0);
     SsgiReceiver sided = *receiver;
 #pragma unroll 1
     for (int side = 0; side < 2; ++side) {
@@ -83,9 +84,12 @@ SSGI_INLINE vfloat bitmask_scan(ssgi_plane inv_depth, const SsgiReceiver *receiv
             ssgi_slice(receiver, pattern->table + s * SLICES_SIZE, radius, pattern->centre);
         BitmaskSurfaces surfaces;
         bitmask_slice(inv_depth, receiver, &slice, pattern->centre, params, &surfaces);
-        const vfloat hidden = v_to_float(v_count_bits(surfaces.covered)) * (1.0f / 32.0f);
+        const vint below = bitmask_below(receiver, &slice, &surfaces.measure);
+        const vfloat hidden = v_to_float(v_count_bits(surfaces.covered & ~below)) * (1.0f / 32.0f);
+        const vfloat above =
+            v_fma(v_to_float(v_count_bits(below)), v_splat(-1.0f / 32.0f), v_splat(1.0f));
         occluded = v_fma(surfaces.measure.share, hidden, occluded);
-        whole = whole + surfaces.measure.share;
+        whole = v_fma(surfaces.measure.share, above, whole);
     }
     return occluded / whole;
 }

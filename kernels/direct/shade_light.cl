@@ -77,7 +77,7 @@ __kernel void shade_light(ssgi_plane depth, ssgi_plane normal,
     SsgiFacet facet = {receiver.there & ~receiver.there, receiver.nx, receiver.ny, receiver.nz};
     if (light.facets != 0 && v_any(lit)) {
         facet = ssgi_facet(depth, whole, light.layer, at_x, at_y, camera, -receiver.z, receiver.nx,
-                           receiver.ny, receiver.nz);
+                           receiver.ny, receiver.nz, true);
         const vfloat front = v_fma(facet.nx, at.x, v_fma(facet.ny, at.y, facet.nz * at.z));
         lit = lit & ~(facet.known & v_lt(front, v_splat(-SHADE_GRAZING)));
     }

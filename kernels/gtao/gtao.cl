@@ -6,7 +6,8 @@
 // Departs: a horizon is measured from the tangent plane, so that planes are open at any tilt; the
 //          sum is over what the same slices would see if nothing occluded, so that A is 1 there;
 //          slices are weighted by the azimuth they stand for. With GTAO_FALLOFF a horizon moves
-//          towards the tangent plane with distance, as in XeGTAO (Intel 2021).
+//          towards the tangent plane with distance, as in XeGTAO (Intel 2021). Where the surface is
+//          flat and its normal another, horizons begin at its own plane, see common/facets.clh.
 // Bent:    the mean unoccluded direction, weighted by cosine: the mean of all directions, 2/3 of
 //          the normal n, less what horizons hide. A side's directions up to the angle h sum up,
 //          towards the eye and across, to
@@ -23,6 +24,7 @@
 // Launch:  every fourth of 4 SSGI_LANES pixels of a row per work-item, see common/scan.clh
 // Cost:    2 * SLICES_COUNT * SLICES_TAPS * SLICES_LAYERS reads per pixel
 
+#define SLICES_FACETS SLICES_COSINE
 #include "common/pairs.clh"
 #include "common/scan.clh"
 
@@ -36,6 +38,7 @@
 // What a slice sees, and the directions that it hides.
 typedef struct {
     vfloat seen;
+    vfloat open;      // what it would see of the normal's hemisphere above another plane
     vmask rises;      // does a horizon?
     vfloat up, along; // sum of the hidden directions, times 3
 } GtaoSlice;
@@ -109,8 +112,8 @@ SSGI_INLINE void gtao_bend(const SsgiReceiver *receiver, const SsgiSlice *slice,
     bend[2] = bend[2] - view_ray;
 }
 // Count what a side sees whose horizon is so far above the tangent plane, see gtao_rise.
-SSGI_INLINE void gtao_end_side(const SsgiSlice *slice, const vfloat rise, const int side,
-                               GtaoSlice *found)
+SSGI_INLINE void gtao_end_side(const SsgiReceiver *receiver, const SsgiSlice *slice,
+                               const vfloat rise, const int side, GtaoSlice *found)
 {
     const vfloat one = v_splat(1.0f);
     const vfloat edge = side == 0 ? slice->edge : -slice->edge;
@@ -124,11 +127,20 @@ SSGI_INLINE void gtao_end_side(const SsgiSlice *slice, const vfloat rise, const 
         sine = v_rsqrt_quick(v_fma(cot, cot, one));
         cosine = cot * sine;
     }
-    const vmask rises = v_gt(rise, v_splat(0.0f));
+    vmask rises = v_gt(rise, v_splat(0.0f));
+    if (v_any(receiver->tilted)) {
+        // The lower of both planes ends what the normal's hemisphere sees.
+        const vmask below = receiver->tilted & v_lt(cosine, -sin_normal);
+        cosine = v_select(cosine, -sin_normal, below);
+        sine = v_select(sine, slice->cos_normal, below);
+        const vfloat plane = v_max(gtao_cosine(edge), -sin_normal);
+        const vfloat across = v_sqrt(v_max(v_fma(-plane, plane, one), v_splat(0.0f)));
+        found->open = found->open + gtao_integral(plane, across, slice->cos_normal, sin_normal);
+    }
     found->seen = found->seen + gtao_integral(cosine, sine, slice->cos_normal, sin_normal);
     found->rises = found->rises | rises;
     if (GTAO_BENT) {
-        gtao_hide(slice, side, cosine, sine, sin_normal, rises, found);
+        gtao_hide(slice, side, cosine, sine, sin_normal, rises | receiver->tilted, found);
     }
 }
 
@@ -138,7 +150,7 @@ SSGI_INLINE void gtao_scan(ssgi_plane inv_depth, const SsgiReceiver *receiver,
                            const SsgiPattern *pattern, const float radius, const SliceParams params,
                            vfloat images[GTAO_IMAGES])
 {
-    vfloat whole = v_splat(SLICES_TINY);
+    vfloat whole[2] = {v_splat(SLICES_TINY), v_splat(SLICES_TINY)}; // above the plane; in all
 #pragma unroll
     for (int i = 0; i < GTAO_IMAGES; ++i) {
         images[i] = v_splat(0.0f);
@@ -169,23 +181,26 @@ SSGI_INLINE void gtao_scan(ssgi_plane inv_depth, const SsgiReceiver *receiver,
                 }
             }
         }
-        GtaoSlice found = {v_splat(0.0f), v_splat_int(0), v_splat(0.0f), v_splat(0.0f)};
-        gtao_end_side(&slice, highest[0], 0, &found);
-        gtao_end_side(&slice, highest[1], 1, &found);
+        GtaoSlice found = {v_splat(0.0f), v_splat(0.0f), v_splat_int(0), v_splat(0.0f),
+                           v_splat(0.0f)};
+        gtao_end_side(receiver, &slice, highest[0], 0, &found);
+        gtao_end_side(receiver, &slice, highest[1], 1, &found);
         // a of both edges together is cos g + g sin g.
         const vfloat g = 1.57079633f - v_acos(slice.sin_normal);
-        const vfloat all = v_fma(g, slice.sin_normal, slice.cos_normal);
+        const vfloat entire = v_fma(g, slice.sin_normal, slice.cos_normal);
+        const vfloat all = v_select(entire, found.open, receiver->tilted);
         const vfloat weight = slice.weight * slice.projected;
         const vfloat hidden = v_select(v_splat(0.0f), all - found.seen, found.rises);
         images[0] = v_fma(weight, v_max(hidden, v_splat(0.0f)), images[0]);
-        whole = v_fma(weight, all, whole);
+        whole[0] = v_fma(weight, all, whole[0]);
+        whole[1] = v_fma(weight, entire, whole[1]);
         if (GTAO_BENT) {
             gtao_bend(receiver, &slice, &found, weight, images + 1);
         }
     }
 #pragma unroll
     for (int i = 0; i < GTAO_IMAGES; ++i) {
-        images[i] = images[i] / whole;
+        images[i] = images[i] / whole[i == 0 ? 0 : 1];
     }
 }
 

@@ -6,7 +6,8 @@
 //          W (sin s - sin h), W = 1 - attenuation r^2, r the distance in radii.
 // Departs: elevations are above the plane across the view ray, not the image plane, so that
 //          A is right off the axis too; directions weigh by the azimuth that they stand for; the
-//          sum is over what they could hide, which makes good the bias.
+//          sum is over what they could hide, which makes good the bias. Where the surface is flat
+//          and its normal another, horizons begin at its own plane, see common/facets.clh.
 // Reads:   inv_depth    SLICES_LAYERS x [rows, 4 stride] with margin, from slices_inv_depth
 //          normal  3 x [rows, columns] with margin, view space, unit length
 //          table   [4 rows][4 columns][SLICES_COUNT][3 + SLICES_TAPS], see common/slices.clh
@@ -20,6 +21,7 @@
 //          unrolled, loaded a step ahead, or first kept and then looked at; offsets of all slices,
 //          or of the next one, before the first tap: no gain
 
+#define SLICES_FACETS SLICES_UNIFORM
 #include "common/pairs.clh"
 #include "common/scan.clh"
 
@@ -36,6 +38,21 @@ typedef struct {
     vfloat could_hide;
     vfloat fade; // change of W per SsgiPairTap.outside over scale^2
 } HbaoHorizons;
+
+// Where the receiver's plane is not that across its normal, the horizon is the higher of both.
+SSGI_INLINE void hbao_begin_tilted(const SsgiReceiver *receiver, const SsgiSlice *slice,
+                                   const int side, HbaoHorizons *at)
+{
+    const vfloat one = v_splat(1.0f);
+    const vfloat edge = side == 0 ? slice->edge : -slice->edge;
+    const vfloat plane = edge * v_rsqrt_quick(v_fma(edge, edge, one));
+    const vfloat lowest = at->horizon[side];
+    const vfloat horizon = v_max(lowest, plane);
+    const vfloat cosine = v_sqrt(v_max(v_fma(-horizon, horizon, one), v_splat(1e-12f)));
+    const vfloat rise = v_max((horizon / cosine - edge) / slice->steepness, v_splat(0.0f));
+    at->horizon[side] = v_select(lowest, horizon, receiver->tilted);
+    at->rise[side] = v_select(at->rise[side], rise, receiver->tilted);
+}
 
 // Both at the tangent plane plus the bias.
 SSGI_INLINE HbaoHorizons hbao_begin(const SsgiReceiver *receiver, const SsgiSlice *slice,
@@ -62,6 +79,9 @@ SSGI_INLINE HbaoHorizons hbao_begin(const SsgiReceiver *receiver, const SsgiSlic
             // sin bias / (cos tangent cos raised) is how much the cotangent grows by the bias.
             const vfloat grown = params.bias_sin / (cosine * v_max(raised_cosine, v_splat(1e-6f)));
             at.rise[side] = v_select(grown / slice->steepness, v_splat(INFINITY), upright);
+        }
+        if (v_any(receiver->tilted)) {
+            hbao_begin_tilted(receiver, slice, side, &at);
         }
         at.could_hide = at.could_hide + (one - at.horizon[side]);
     }

@@ -8,7 +8,9 @@
 // Departs: with the hemisphere flip, a surface occludes only if it rises above the receiver's
 //          tangent plane, so that a plane never occludes itself, at any tilt; and occlusion sets in
 //          over a fiftieth of a radius, so that a rounding seldom shows. A is raised to
-//          params.contrast, since points find less occlusion than rays do.
+//          params.contrast, since points find less occlusion than rays do. Where the surface is
+//          flat and its normal another, the tangent plane is its own, and what of the normal's
+//          hemisphere lies below it is dark.
 // Reads:   depth    [rows, columns] with margin, scene units, > 0; INFINITY where nothing is
 //          normal   3 x [rows, columns] with margin, view space, unit length
 //          samples  [4 rows][SSAO_MOST_SAMPLES][3][16 columns] points of the unit ball, already
@@ -23,6 +25,7 @@
 
 #include "common/camera.clh"
 #include "common/gbuffer.clh"
+#include "direct/facet.clh"
 
 #if !defined(SSAO_MOST_SAMPLES) || !defined(SSAO_RADII) || !defined(SSAO_HEMISPHERE) ||            \
     !defined(SSAO_FALLOFF) || !defined(SSAO_CURVE_SIZE) || !defined(SSAO_OUTSIDE)
@@ -30,6 +33,7 @@
 #endif
 
 #define SSAO_ONSET 50.0f // per radius
+#define SSAO_SAME 0.999f // cosine from which on facet and normal are taken for one
 #define SSAO_TILE_ROW (SSAO_MOST_SAMPLES * 3 * 16)
 
 // Occlusion by a surface that lies d (in radii, > 0) in front of a sample.
@@ -50,6 +54,28 @@ static inline vfloat ssao_occlusion(const vfloat d, __global const float *restri
     return v_select(v_splat(0.0f), value, v_le(d, v_splat(params.curve_end)));
 #endif
 }
+
+#if SSAO_HEMISPHERE
+// Replace normals by those of the triangles where these are known and others, see
+// common/facets.clh; return the share of the normal's hemisphere, by cosine, that lies above them.
+static inline vfloat ssao_facet(ssgi_plane depth, const int2 whole, const int at_x, const int at_y,
+                                const SsgiCamera camera, const SsaoParams params, const vfloat z,
+                                const vmask there, vfloat *nx, vfloat *ny, vfloat *nz)
+{
+    const SsgiFacet facet =
+        ssgi_facet(depth, whole, 0, at_x, at_y, camera, z, *nx, *ny, *nz, params.exact != 0);
+    const vfloat cosine = v_fma(facet.nx, *nx, v_fma(facet.ny, *ny, facet.nz * *nz));
+    const vfloat sx = ssgi_slope_x(camera, v_to_float(v_iota() + at_x) + 0.5f) * camera.perspective;
+    const vfloat sy = ssgi_slope_y(camera, v_splat((float)at_y + 0.5f)) * camera.perspective;
+    const vfloat n_dot_v = v_fma(facet.nx, sx, v_fma(facet.ny, sy, -facet.nz));
+    const vmask tilted =
+        there & facet.known & v_lt(cosine, v_splat(SSAO_SAME)) & v_lt(n_dot_v, v_splat(0.0f));
+    *nx = v_select(*nx, facet.nx, tilted);
+    *ny = v_select(*ny, facet.ny, tilted);
+    *nz = v_select(*nz, facet.nz, tilted);
+    return v_select(v_splat(1.0f), v_fma(cosine, v_splat(0.5f), v_splat(0.5f)), tilted);
+}
+#endif
 
 __kernel void ssao(ssgi_plane depth, ssgi_plane normal, __global const float *restrict samples,
                    __global const float *restrict curve, __global float *restrict visibility,
@@ -79,15 +105,21 @@ __kernel void ssao(ssgi_plane depth, ssgi_plane normal, __global const float *re
     const vfloat k = ssgi_k(camera, z);
     const vfloat px = ssgi_slope_x(camera, v_to_float(v_iota() + at_x) + 0.5f) * k;
     const vfloat py = ssgi_slope_y(camera, v_splat((float)at_y + 0.5f)) * k;
+    // Pixels per scene unit at this depth, the greater of both axes.
+    const vfloat pixels = max(fabs(camera.from_x), fabs(camera.from_y)) / k;
 #if SSAO_HEMISPHERE
-    const vfloat nx = ssgi_load(normal, whole, 0, at_x, at_y);
-    const vfloat ny = ssgi_load(normal, whole, 1, at_x, at_y);
-    const vfloat nz = ssgi_load(normal, whole, 2, at_x, at_y);
+    vfloat nx = ssgi_load(normal, whole, 0, at_x, at_y);
+    vfloat ny = ssgi_load(normal, whole, 1, at_x, at_y);
+    vfloat nz = ssgi_load(normal, whole, 2, at_x, at_y);
+    const float reach =
+        max(max(params.radius_0, params.radius_1), max(params.radius_2, params.radius_3));
+    const vmask active =
+        there & v_ge(v_min(reach * pixels, v_splat(params.most_px)), v_splat(1.0f));
+    const vfloat above_plane =
+        ssao_facet(depth, whole, at_x, at_y, camera, params, z, active, &nx, &ny, &nz);
     // Height of a point (a, b, -c) above the tangent plane: n . (a, b, -c) - own height.
     const vfloat own_height = v_fma(nx, px, v_fma(ny, py, -(nz * z)));
 #endif
-    // Pixels per scene unit at this depth, the greater of both axes.
-    const vfloat pixels = max(fabs(camera.from_x), fabs(camera.from_y)) / k;
 
     __global const float *restrict tile = samples + (y & 3) * SSAO_TILE_ROW + (x & 3);
     vfloat greatest = zero;
@@ -170,5 +202,10 @@ __kernel void ssao(ssgi_plane depth, ssgi_plane normal, __global const float *re
     const vfloat a = params.contrast == 1.0f
                          ? open
                          : v_min(v_pow(open, v_splat(params.contrast)), v_splat(1.0f));
-    ssgi_store(v_select(v_splat(1.0f), a, there), visibility, size, 0, x, y, 1.0f);
+#if SSAO_HEMISPHERE
+    const vfloat lit = a * above_plane;
+#else
+    const vfloat lit = a;
+#endif
+    ssgi_store(v_select(v_splat(1.0f), lit, there), visibility, size, 0, x, y, 1.0f);
 }

@@ -169,4 +169,6 @@ def _host(camera: Camera, arrays: dict[str, Floats]) -> GBuffer:
     """Return a G-buffer of arrays; those with an axis of layers lose it if there is one layer alone."""
     layered = [name for name in ("depth", "normal", "albedo", "emission") if name in arrays]
     flat: dict[str, Any] = arrays | {name: arrays[name][0] for name in layered if len(arrays[name]) == 1}
-    return GBuffer(camera=camera, **flat)
+    gbuffer = GBuffer(camera=camera, **flat)
+    object.__setattr__(gbuffer, "exact", True)
+    return gbuffer

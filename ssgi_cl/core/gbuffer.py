@@ -103,6 +103,8 @@ class GBuffer:
     margin: tuple[int, int] = field(init=False)
     """(rows, columns) by which the arrays exceed the camera's image on every side."""
     array_kind: ArrayKind | None = field(init=False, default=None)
+    exact: bool = field(init=False, default=False)
+    """Whether depths are those of a rasteriser in float32, with no rounding to steps."""
     band: Band | None = field(init=False, default=None)
     """Where these rows lie in a larger image, if they do; see `gbuffer_band`."""
 

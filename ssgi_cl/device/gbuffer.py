@@ -60,6 +60,7 @@ class DeviceGBuffer:
         moves: how many of these the contents have: 0, 2 or 3.
         has_facets: whether depths are exact enough to tell a triangle's plane from neighbours':
             those of the rasteriser are.
+        is_exact: likewise, also of what was drawn elsewhere and uploaded, see `GBuffer.exact`.
         region: pixels of the planes, margin and all, outside which nothing is; None if that is not
             known.
         traces: of what was drawn into each layer.
@@ -101,6 +102,7 @@ class DeviceGBuffer:
         self.emits = self.mirrors = False
         self.moves = 0
         self.has_facets = False
+        self._exact_upload = False
         self.region: Region | None = None
         self.previous_regions = [PreviousRegion() for _ in range(layers)]
         self._derived = PreviousRegion()
@@ -163,6 +165,11 @@ class DeviceGBuffer:
         return self._normal_world
 
     @property
+    def is_exact(self) -> bool:
+        """Whether depths are not rounded beyond float32."""
+        return self.has_facets or self._exact_upload
+
+    @property
     def has_world(self) -> bool:
         """Whether `normal_world` is there."""
         return self._normal_world is not None
@@ -197,6 +204,7 @@ class DeviceGBuffer:
             )
         self.region = None
         self.has_facets = False
+        self._exact_upload = gbuffer.exact
         self.previous_regions = [PreviousRegion() for _ in range(self.layers)]
         plain = self._plain_albedo
         depth = np.asarray(gbuffer.depth)

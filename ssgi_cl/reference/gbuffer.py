@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
 
 Doubles = NDArray[np.float64]
+Kind = TypeVar("Kind", bound=np.generic)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -26,6 +27,7 @@ class SurfaceView:
         margin: (rows, columns) by which the arrays exceed it on every side.
         step: pixels of the camera's image from one pixel here to the next.
         origin: (row, column) of the camera's image that array element (0, 0) was taken from.
+        exact: see `GBuffer.exact`.
     """
 
     camera: Camera
@@ -35,6 +37,7 @@ class SurfaceView:
     margin: tuple[int, int]
     step: int = 1
     origin: tuple[int, int]
+    exact: bool = False
 
     @classmethod
     def of(cls, gbuffer: GBuffer) -> Self:
@@ -48,6 +51,7 @@ class SurfaceView:
             size=gbuffer.size,
             margin=gbuffer.margin,
             origin=(-gbuffer.margin[0], -gbuffer.margin[1]),
+            exact=gbuffer.exact,
         )
         return replace(view, normal=view_normals(view, gbuffer.first("normal")))
 
@@ -65,9 +69,10 @@ class SurfaceView:
             margin=margin,
             step=self.step * step,
             origin=(self.origin[0] + first[0], self.origin[1] + first[1]),
+            exact=self.exact,
         )
 
-    def inner(self, array: NDArray[np.float64]) -> NDArray[np.float64]:
+    def inner(self, array: NDArray[Kind]) -> NDArray[Kind]:
         """Return `array` without the margin."""
         rows, columns = self.margin
         return array[rows : rows + self.size[0], columns : columns + self.size[1]]

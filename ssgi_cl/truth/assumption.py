@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.device.progress import Progress, part_of, told
-from ssgi_cl.reference.ao.ssao import visibility
+from ssgi_cl.reference.ao.ssao import planes, visibility
 from ssgi_cl.reference.gbuffer import SurfaceView
 from ssgi_cl.techniques.ao.ssao import SsaoParams, sample_points
 from ssgi_cl.truth.digests import camera_description, digest
@@ -88,7 +88,9 @@ def ssao(
                     progress=part_of(tell, index / len(radii), (index + 1) / len(radii)),
                 )
             )
-    return _contrasted(found[0] if len(found) == 1 else _darkest(found), params.contrast)
+    truth = _contrasted(found[0] if len(found) == 1 else _darkest(found), params.contrast)
+    share = planes(view, params)[1].astype(np.float32)
+    return replace(truth, mean=truth.mean * share, error=truth.error * share)
 
 
 def _contrasted(truth: Truth, exponent: float) -> Truth:
@@ -120,7 +122,7 @@ def _description(gbuffer: GBuffer, params: SsaoParams) -> dict[str, object]:
     return {
         "kind": "ssao",
         "camera": camera_description(gbuffer.camera),
-        "gbuffer": digest(gbuffer.first("depth"), gbuffer.first("normal")),
+        "gbuffer": digest(gbuffer.first("depth"), gbuffer.first("normal"), gbuffer.exact),
         "radius": radius,
         "points": PASS_POINTS,
         "model": {name: values[name] for name in values if name not in NOT_OF_THE_MODEL},

@@ -22,11 +22,13 @@ class Plane:
 
     Attributes:
         edge: cotangent of the angle between the view ray and the tangent plane.
-        n_dot_v: cosine between normal and view ray.
+        facing: cosine between that plane's normal and the view ray.
+        n_dot_v: cosine between the surface's normal, which may be another, and the view ray.
         lean: component of the normal across the view ray, along this side.
     """
 
     edge: Doubles
+    facing: Doubles
     n_dot_v: Doubles
     lean: Doubles
 
@@ -40,6 +42,12 @@ class Plane:
     def turn(self) -> Doubles:
         """Angle from the view ray to the projected normal, > 0 towards this side."""
         result: Doubles = np.arctan2(self.lean, self.n_dot_v)
+        return result
+
+    @property
+    def end(self) -> Doubles:
+        """Angle from the view ray to the nearer of the tangent plane and the end of the normal's hemisphere."""
+        result: Doubles = np.minimum(np.arctan2(1.0, self.edge), self.turn + 0.5 * np.pi)
         return result
 
     def seen(self, angle: Doubles) -> Doubles:
@@ -103,14 +111,14 @@ def hidden_and_whole(params: SliceParams, plane: Plane, crossed: Crossed) -> tup
 
 def _gtao(params: GtaoParams, plane: Plane, crossed: Crossed) -> tuple[Doubles, Doubles]:
     """The highest horizon, cosine-weighted (Jimenez et al. 2016, equation 7)."""
-    edge = np.arctan2(1.0, plane.edge)
-    least = np.cos(edge)[:, None]
+    edge = plane.end
+    least = np.cos(np.arctan2(1.0, plane.edge))[:, None]
     top = crossed.cot / np.hypot(1.0, crossed.cot)
     if params.falloff > 0.0:
         thin = (1.0 + params.thin_occluder) ** 2 - 1.0
         distance = np.sqrt(crossed.distance**2 + thin * crossed.depth**2)
         top = least + np.clip((1.0 - distance) / params.falloff, 0.0, 1.0) * (top - least)
-    top = np.maximum(np.where(crossed.counts, top, -1.0).max(axis=1), least[:, 0])
+    top = np.maximum(np.where(crossed.counts, top, -1.0).max(axis=1), np.cos(edge))
     open_ = plane.seen(edge)
     left = plane.seen(np.arccos(np.clip(top, -1.0, 1.0)))
     return plane.length * (open_ - left), plane.length * open_
@@ -118,7 +126,7 @@ def _gtao(params: GtaoParams, plane: Plane, crossed: Crossed) -> tuple[Doubles, 
 
 def _hbao(params: HbaoParams, plane: Plane, crossed: Crossed) -> tuple[Doubles, Doubles]:
     """Steps that raise the horizon, attenuated by their distance (Bavoil and Sainz 2008)."""
-    floor = np.sin(np.minimum(np.arctan(plane.edge) + params.angle_bias, 0.5 * np.pi))[:, None]
+    floor = np.sin(np.minimum(0.5 * np.pi - plane.end + params.angle_bias, 0.5 * np.pi))[:, None]
     elevation = np.where(crossed.counts, crossed.cot / np.hypot(1.0, crossed.cot), -1.0)
     horizon = np.maximum.accumulate(np.maximum(elevation, floor), axis=1)
     gain = np.diff(horizon, axis=1, prepend=floor)
@@ -128,8 +136,8 @@ def _hbao(params: HbaoParams, plane: Plane, crossed: Crossed) -> tuple[Doubles, 
 
 def _bitmask(params: BitmaskParams, plane: Plane, crossed: Crossed) -> tuple[Doubles, Doubles]:
     """The union of what surfaces cover, each from its front to its back (Therrien et al. 2023)."""
-    edge = np.arctan2(1.0, plane.edge)
-    front, back = np.arctan2(1.0, crossed.cot), np.arctan2(1.0, crossed.back)
+    edge = plane.end
+    front, back = (np.minimum(np.arctan2(1.0, cot), edge[:, None]) for cot in (crossed.cot, crossed.back))
     if params.sectors == "cosine":
         weight, whole = plane.length, plane.seen(edge)
         front, back = plane.seen(front), plane.seen(back)

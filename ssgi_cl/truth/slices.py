@@ -20,8 +20,10 @@ from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.sampling import r_points
 from ssgi_cl.device.constants import SLICES_NEAREST_TAP
 from ssgi_cl.device.progress import Progress
+from ssgi_cl.reference.ao.facets import tilted
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
 from ssgi_cl.techniques.ao.bitmask_ao import BitmaskParams
+from ssgi_cl.techniques.ao.hbao import HbaoParams
 from ssgi_cl.techniques.ao.slices import SliceParams
 from ssgi_cl.truth.digests import camera_description, digest
 from ssgi_cl.truth.estimators import versioned
@@ -95,7 +97,7 @@ def converged(
         "kind": "slices",
         "technique": type(params).__name__,
         "camera": camera_description(gbuffer.camera),
-        "gbuffer": digest(np.asarray(gbuffer.depth), gbuffer.first("normal")),
+        "gbuffer": digest(np.asarray(gbuffer.depth), gbuffer.first("normal"), gbuffer.exact),
         "pixels": pixels,
         "slices": PASS_SLICES,
         "nearest": SLICES_NEAREST_TAP,
@@ -128,7 +130,9 @@ class March:
     """The pixels of a G-buffer as receivers, and all of its layers as occluders.
 
     Attributes:
-        view: the front layer.
+        view: the front layer; its normals are those of tangent planes.
+        own: [rows, columns, 3] of the arrays: normals that are not across these planes, see `tilted`.
+        share: [rows, columns] of the image: what of their hemisphere lies above the planes.
         params: of the technique.
         there: [layers, rows, columns], margin included: whether a surface is there.
         position: [layers, rows, columns, 3] view space, 0 where nothing is.
@@ -138,6 +142,8 @@ class March:
     """
 
     view: SurfaceView
+    own: Doubles
+    share: Doubles
     params: SliceParams
     there: NDArray[np.bool_]
     position: Doubles
@@ -159,7 +165,13 @@ class March:
         wanted_px = params.radius * view.pixels_per_unit(np.where(seen, own, 1.0))
         reach = params.radius * np.minimum(1.0, params.max_radius_px / wanted_px)
         reach = np.where(np.minimum(wanted_px, params.max_radius_px) >= 1.0, reach, 0.0)
-        return cls(_turned_back(view, position[0]), params, there, position, reach, seen)
+        facing = _turned_back(view, position[0])
+        known, facet = tilted(view)
+        cosine = np.clip(np.sum(facet * view.normal, axis=-1), -1.0, 1.0)
+        open_ = 1.0 - np.arccos(cosine) / np.pi if isinstance(params, HbaoParams) else 0.5 * (1.0 + cosine)
+        planes = replace(facing, normal=np.where(known[..., None], facet, facing.normal))
+        share = view.inner(np.where(known, open_, 1.0))
+        return cls(planes, facing.normal, share, params, there, position, reach, seen)
 
     def visibility(self, pixels: Pixels, number: int) -> Doubles:
         """Return A [count] of some pixels, from the slices of a pass, before contrast."""
@@ -179,7 +191,7 @@ class March:
                     more_hidden, more = hidden_and_whole(self.params, plane, crossed)
                     hidden += more_hidden
                     whole += more
-            result[chosen] = np.clip(1.0 - hidden / whole, 0.0, 1.0)
+            result[chosen] = np.clip(1.0 - hidden / whole, 0.0, 1.0) * self.share[chunk]
         return result
 
     def _lengths(self, pixels: Pixels) -> Doubles:
@@ -205,7 +217,7 @@ class March:
         """Give both sides of the slices at an azimuth, and what each of them crosses."""
         view = self.view
         at = self._at(pixels)
-        receiver, normal = self.position[0][at], view.normal[at]
+        receiver, normal, own = self.position[0][at], view.normal[at], self.own[at]
         if view.camera.is_orthographic:
             view_ray = np.tile([0.0, 0.0, 1.0], (len(azimuth), 1))
         else:
@@ -214,8 +226,8 @@ class March:
         first /= np.linalg.norm(first, axis=-1, keepdims=True)
         second = np.cross(view_ray, first)
         along = np.cos(azimuth)[:, None] * first + np.sin(azimuth)[:, None] * second
-        n_dot_v = np.maximum(np.sum(normal * view_ray, axis=-1), LEAST_N_DOT_V)
-        lean = np.sum(normal * along, axis=-1)
+        facing, n_dot_v = (np.maximum(np.sum(n * view_ray, axis=-1), LEAST_N_DOT_V) for n in (normal, own))
+        tangent, lean = (np.sum(n * along, axis=-1) for n in (normal, own))
         # The plane holds the eye, so that it is seen as a line.
         row, column = at[0] + 0.5, at[1] + 0.5
         near_row, near_column = view.pixel(receiver + 1e-3 * view.depth[at][:, None] * along)
@@ -224,7 +236,7 @@ class March:
         to_row, to_column = to_row / length, to_column / length
         distance = _chords(to_row, to_column, float(self._lengths(pixels).max()))
         for side in (1.0, -1.0):
-            plane = Plane(edge=-side * lean / n_dot_v, n_dot_v=n_dot_v, lean=side * lean)
+            plane = Plane(edge=-side * tangent / facing, facing=facing, n_dot_v=n_dot_v, lean=side * lean)
             i = np.floor(row[:, None] + side * distance * to_row[:, None]).astype(np.intp)
             j = np.floor(column[:, None] + side * distance * to_column[:, None]).astype(np.intp)
             yield plane, self._crossed(pixels, (i, j), view_ray, plane)
@@ -278,7 +290,7 @@ class March:
         towards = np.einsum("psk,pk->ps", offset, view_ray)
         across = np.sqrt(np.maximum(np.sum(offset**2, axis=-1) - towards**2, 0.0))
         height = np.einsum("psk,pk->ps", offset, normal) - bias
-        result: Doubles = height / np.maximum(across * plane.n_dot_v[:, None], 1e-30)
+        result: Doubles = height / np.maximum(across * plane.facing[:, None], 1e-30)
         return result
 
 

@@ -45,18 +45,22 @@ def visibility(scan: Scan, params: BitmaskParams) -> Doubles:
     hidden, whole = np.zeros(scan.depth.shape), np.full(scan.depth.shape, 1e-30)
     number = np.arange(SECTORS)
     for plane in scan.slices():
-        covered = np.zeros((*scan.depth.shape, SECTORS), bool)
+        covered, below = (np.zeros((*scan.depth.shape, SECTORS), bool) for _ in range(2))
         for side in (1, -1):
+            # No sector lies below the plane across the normal; those below the receiver's own don't count.
+            own = sector_of(np.maximum(side * plane.edge, side * plane.lean), plane, side, params.sectors)[..., None]
+            below |= scan.tilted[..., None] & ((number >= own) if side == 1 else (number < own))
             for layer in range(len(scan.depths)):
                 for where, *between in hidden_by(scan, plane, side, layer, params):
-                    ends = (sector_of(cot, plane, side, params.sectors)[..., None] for cot in between)
+                    above = (np.maximum(cot, side * plane.lean) for cot in between)
+                    ends = (sector_of(cot, plane, side, params.sectors)[..., None] for cot in above)
                     first, last = sorted_pair(*ends)
                     covered |= where[..., None] & (number >= first) & (number < last)
         weight = plane.weight
         if params.sectors == "cosine":
             weight = weight * plane.length * whole_of(plane)
-        hidden += weight * covered.mean(axis=-1)
-        whole += weight
+        hidden += weight * (covered & ~below).mean(axis=-1)
+        whole += weight * (~below).mean(axis=-1)
     a: Doubles = 1.0 - hidden / whole
     return a
 
@@ -140,7 +144,7 @@ def _seen(cot: Doubles, plane: Slice, side: int) -> Doubles:
 
 def whole_of(plane: Slice) -> Doubles:
     """Return the measure of a slice between its tangent planes."""
-    return _seen(plane.edge, plane, 1) + _seen(-plane.edge, plane, -1)
+    return _seen(plane.lean, plane, 1) + _seen(-plane.lean, plane, -1)
 
 
 def sorted_pair(one: NDArray[np.int64], other: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -156,6 +160,6 @@ def sector_of(
         g = np.arctan2(plane.sin_normal, plane.cos_normal)
         share = 0.5 + (side * np.arctan2(1.0, cot) - g) / np.pi
     else:
-        share = (_seen(-plane.edge, plane, -1) + side * _seen(cot, plane, side)) / whole_of(plane)
+        share = (_seen(-plane.lean, plane, -1) + side * _seen(cot, plane, side)) / whole_of(plane)
     at = count * share + plane.dither
     return np.clip(at, 0, count).astype(np.int64)

@@ -45,7 +45,9 @@ def visibility(scan: Scan, params: GtaoParams) -> Doubles:
         weight = plane.weight * plane.length
         for side in (1, -1):
             edge, horizon = horizons(scan, params, plane, side)
-            open_ = arc_integral(edge, plane, side)
+            # A triangle's own plane, where it is not across the normal, ends what could be seen.
+            own = np.minimum(np.arctan2(1.0, side * plane.edge), edge)
+            open_ = arc_integral(np.where(scan.tilted, own, edge), plane, side)
             hidden += weight * (open_ - arc_integral(horizon, plane, side))
             whole += weight * open_
     a: Doubles = 1.0 - hidden / whole
@@ -77,7 +79,10 @@ def bends(scan: Scan, params: GtaoParams) -> Doubles:
 
 
 def horizons(scan: Scan, params: GtaoParams, plane: Slice, side: int) -> tuple[Doubles, Doubles]:
-    """Return the angles of the tangent plane and of the horizon from the view ray."""
+    """Return the angles from the view ray of the plane across the normal and of the horizon.
+
+    That is measured from the tangent plane, and no lower than either.
+    """
     edge = np.arctan2(1.0, side * plane.edge)
     cosine = np.cos(edge)
     for taps in scan.taps_of_all_layers(plane, side):
@@ -89,7 +94,8 @@ def horizons(scan: Scan, params: GtaoParams, plane: Slice, side: int) -> tuple[D
                 fade = np.clip((1.0 - distance) / params.falloff, 0.0, 1.0)
                 top = np.cos(edge) + fade * (top - np.cos(edge))
             cosine = np.where(tap.counts, np.maximum(cosine, top), cosine)
-    return edge, np.arccos(cosine)
+    end = np.arctan2(1.0, side * plane.lean)
+    return end, np.minimum(np.arccos(cosine), end)
 
 
 def arc_integral(angle: Doubles, plane: Slice, side: int) -> Doubles:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 def hbao_reference(gbuffer: GBuffer, params: HbaoParams) -> NDArray[np.float64]:
     """Return A [rows, columns] from the same taps as the kernel, blurred and upsampled alike."""
-    return finished(gbuffer, params, lambda scan: visibility(scan, params))
+    return finished(gbuffer, params, lambda scan: visibility(scan, params), uniform=True)
 
 
 def visibility(scan: Scan, params: HbaoParams) -> Doubles:
@@ -25,8 +25,10 @@ def visibility(scan: Scan, params: HbaoParams) -> Doubles:
     hidden, whole = np.zeros(scan.depth.shape), np.full(scan.depth.shape, 1e-30)
     for plane in scan.slices():
         for side in (1, -1):
-            tangent = np.arctan(side * plane.edge)
-            horizon = np.sin(np.minimum(tangent + params.angle_bias, 0.5 * np.pi))
+            tangent = np.arctan(side * plane.lean)
+            lowest = np.sin(np.minimum(tangent + params.angle_bias, 0.5 * np.pi))
+            # A triangle's own plane, where it is not across the normal, ends what could be seen.
+            horizon = np.where(scan.tilted, np.maximum(lowest, np.sin(np.arctan(side * plane.edge))), lowest)
             whole += plane.weight * (1.0 - horizon)
             for taps in scan.taps_of_all_layers(plane, side):
                 for tap in taps:

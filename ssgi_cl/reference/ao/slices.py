@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.reference.ao.facets import tilted
 from ssgi_cl.reference.ao.occlusion import RESOLUTIONS
 from ssgi_cl.reference.ao.occlusion import finished as complete
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
@@ -74,6 +75,7 @@ class Slice:
     Attributes:
         edge: cotangent of the tangent plane's angle from the view ray on the first side;
             on the second it is -edge.
+        lean: the same of the plane across the normal, where that is another.
         cos_normal, sin_normal: of the projected normal's angle from the view ray, towards
             the first side.
         length: of the normal's projection into the plane.
@@ -87,6 +89,7 @@ class Slice:
     """
 
     edge: Doubles
+    lean: Doubles
     cos_normal: Doubles
     sin_normal: Doubles
     length: Doubles
@@ -111,6 +114,8 @@ class Scan:
         end: "thickness", or "layer": no surface goes on behind the next layer.
         within: whether the taps of a side end where it leaves the arrays, for the pixel of the
             group that is the farthest from there.
+        facets: whether the tangent plane is that of the triangle, where it is known.
+        uniform: whether all directions weigh the same, instead of by cosine.
     """
 
     def __init__(
@@ -123,8 +128,10 @@ class Scan:
         end: str = "thickness",
         *,
         within: bool = False,
+        facets: bool = True,
+        uniform: bool = False,
     ) -> None:
-        self.within = within
+        self.within, self.uniform = within, uniform
         self.view, self.depths, self.params, self.thickness = view, depths, params, thickness
         self.given, self.end = thick, end
         self.perspective = not view.camera.is_orthographic
@@ -151,6 +158,10 @@ class Scan:
         back = np.where(self.n_dot_v > 0.0, (self.n_dot_v + turned) / self.ray_squared, 0.0)
         self.normal = n - back[..., None] * np.stack([*self.slope, -np.ones_like(back)], axis=-1)
         self.n_dot_v = np.where(self.n_dot_v > 0.0, -turned, self.n_dot_v)
+        self.own_normal, self.facing, self.share = self.normal, self.clamped, np.ones(depth.shape)
+        self.tilted = np.zeros(depth.shape, bool)
+        if facets:
+            self._find_facets(n)
         wanted_px = params.radius * view.pixels_per_unit(depth)
         limit_px = params.max_radius_px / view.step
         radius_px = np.minimum(wanted_px, limit_px)
@@ -163,6 +174,28 @@ class Scan:
         self.bias = params.bias * self.radius + DEPTH_BIAS * distance
         self.active = np.isfinite(own) & (radius_px >= 1.0)
         self.reach, self.middle = self._shared()
+
+    def _find_facets(self, given: Doubles) -> None:
+        """Take the triangle's plane for the tangent plane where it is known, and keep the given normal.
+
+        That is bent along the view ray until it faces the eye. `share` is what of the given normal's
+        hemisphere lies above the triangle: by cosine, or with `uniform` by solid angle.
+        """
+        known, facet = tilted(self.view)
+        known, facet = self.view.inner(known), self.view.inner(facet)
+        view_ray = np.stack(np.broadcast_arrays(*self.slope, -np.ones(known.shape)), axis=-1)
+        grazing = -LEAST_N_DOT_V * np.sqrt(self.ray_squared)
+        n_dot_v, s_dot_v = (np.sum(normal * view_ray, axis=-1) for normal in (facet, given))
+        facing = np.minimum(s_dot_v, grazing)
+        cosine = np.clip(np.sum(facet * given, axis=-1), -1.0, 1.0)
+        share = 1.0 - np.arccos(cosine) / np.pi if self.uniform else 0.5 * (1.0 + cosine)
+        self.tilted = known
+        self.share = np.where(known, share, 1.0)
+        self.own_normal = np.where(known[..., None], given, self.normal)
+        self.facing = np.where(known, facing, self.clamped)
+        self.normal = np.where(known[..., None], facet, self.normal)
+        self.n_dot_v = np.where(known, n_dot_v, self.n_dot_v)
+        self.clamped = np.where(known, np.minimum(n_dot_v, grazing), self.clamped)
 
     def _shared(self) -> tuple[Doubles, Doubles]:
         """Return the radius that each pixel's slices have, a length, and its group's middle.
@@ -208,8 +241,10 @@ class Scan:
             inverse = self._inverse(ax, ay)
             along = normal[..., 0] * ax + normal[..., 1] * ay
             q = ax * self.slope[0] + ay * self.slope[1]
-            across = (along - self.clamped * q / self.ray_squared) * inverse * length
-            towards = -self.clamped / length
+            plane_across = (along - self.clamped * q / self.ray_squared) * inverse * length
+            own_along = self.own_normal[..., 0] * ax + self.own_normal[..., 1] * ay
+            across = (own_along - self.facing * q / self.ray_squared) * inverse * length
+            towards = -self.facing / length
             projected = np.hypot(across, towards)
             central = np.sqrt(self.middle**2 + self.slope[1] ** 2 + 1.0)
             reach = np.minimum(self.reach * central * self._inverse(ax, ay, self.middle), self._farthest())
@@ -223,7 +258,8 @@ class Scan:
                     tap = np.rint(distance * cos), np.rint(distance * sin)
                     offset[side].append((side * tap[0], side * tap[1]))
             yield Slice(
-                edge=-across / towards,
+                edge=-plane_across / (-self.clamped / length),
+                lean=-across / towards,
                 cos_normal=towards / projected,
                 sin_normal=across / projected,
                 length=projected,
@@ -375,10 +411,12 @@ def finished(
     visibility: Callable[[Scan], Doubles],
     thickness: float | None = None,
     end: str = "thickness",
+    *,
+    uniform: bool = False,
 ) -> Doubles:
     """Return A [rows, columns]: `visibility` of the scan, then contrast, blur and upsampling."""
-    scan, full = scanned(gbuffer, params, thickness, end)
-    a = np.where(scan.active, np.clip(visibility(scan), 0.0, 1.0), 1.0) ** params.contrast
+    scan, full = scanned(gbuffer, params, thickness, end, uniform=uniform)
+    a = np.where(scan.active, np.clip(visibility(scan), 0.0, 1.0) * scan.share, 1.0) ** params.contrast
     return complete(a, scan.view, full, params)
 
 
@@ -389,6 +427,8 @@ def scanned(
     end: str = "thickness",
     *,
     within: bool = False,
+    facets: bool = True,
+    uniform: bool = False,
 ) -> tuple[Scan, SurfaceView]:
     """Return the scan of a G-buffer at the size that is asked for, and its view at full size.
 
@@ -402,4 +442,4 @@ def scanned(
     given = None if thickness is None else gbuffer.first("thickness")
     thick = None if given is None else given.astype(np.float64)[rows[:, None], columns]
     layers = depths[:, rows[:, None], columns]
-    return Scan(view, layers, params, thickness or 0.0, thick, end, within=within), full
+    return Scan(view, layers, params, thickness or 0.0, thick, end, within=within, facets=facets, uniform=uniform), full

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.reference.ao.facets import tilted
 from ssgi_cl.reference.ao.occlusion import RESOLUTIONS, finished
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
 from ssgi_cl.reference.patterns import reflected_points
@@ -27,7 +28,23 @@ def ssao_reference(gbuffer: GBuffer, params: SsaoParams) -> NDArray[np.float64]:
     full = SurfaceView.of(gbuffer)
     step = RESOLUTIONS[params.resolution]
     view = full.reduced(step) if step > 1 else full
-    return finished(visibility(view, params), view, full, params)
+    return finished(visibility(view, params) * planes(view, params)[1], view, full, params)
+
+
+def planes(view: SurfaceView, params: SsaoParams) -> tuple[Doubles, Doubles]:
+    """Return normals of tangent planes [rows, columns, 3], and what to multiply A by after contrast.
+
+    Where a triangle's plane is known and not across the given normal, it is the tangent plane, and the
+    share by cosine of the normal's hemisphere that lies above it is what can be open.
+    """
+    normal = view.inner(view.normal)
+    known, facet = tilted(view)
+    known, facet = view.inner(known), view.inner(facet)
+    depth = view.inner(view.depth)
+    reach_px = max(params.radius) * view.pixels_per_unit(depth)  # type: ignore[arg-type]
+    known = known & (np.minimum(reach_px, params.max_radius_px / view.step) >= 1.0) & params.hemisphere
+    share = np.where(known, 0.5 * (1.0 + np.sum(facet * normal, axis=-1)), 1.0)
+    return np.where(known[..., None], facet, normal), share
 
 
 def falloff(d: Doubles, params: SsaoParams) -> Doubles:
@@ -42,7 +59,7 @@ def falloff(d: Doubles, params: SsaoParams) -> Doubles:
 
 
 def visibility(view: SurfaceView, params: SsaoParams, points: Doubles | None = None) -> Doubles:
-    """Return A before blur: 1 - the greatest occlusion of all radii.
+    """Return A before blur and `planes`: 1 - the greatest occlusion of all radii, to the power of contrast.
 
     Args:
         view: what is seen.
@@ -53,7 +70,7 @@ def visibility(view: SurfaceView, params: SsaoParams, points: Doubles | None = N
     rows, columns = view.size
     there = np.isfinite(view.inner(view.depth))
     depth = np.where(there, view.inner(view.depth), 1.0)
-    normal = view.inner(view.normal)
+    normal, _ = planes(view, params)
     centre_row, centre_column = view.centres()
     position = view.position(view.inner(centre_row), view.inner(centre_column), depth)
     y, x = np.indices((rows, columns))

@@ -62,7 +62,7 @@ def ssdo_bitmask_reference(
         sky: map [size, size, 3], as `ssgi_cl.techniques.direct.sky.filtered` returns it.
         sectors: of a slice. The kernel has 32; with many, the result is the kernel's on average.
     """
-    scan, full = scanned(gbuffer, params, params.thickness, params.end, within=True)
+    scan, full = scanned(gbuffer, params, params.thickness, params.end, within=True, facets=False)
     rows, columns = (
         scan.view.origin[i] - full.origin[i] + scan.view.step * np.arange(scan.view.depth.shape[i]) for i in (0, 1)
     )

@@ -32,7 +32,7 @@ SLICES = Struct(
         *floats("radius", "ortho_unit", "unit_px", "most_px", "bias", "depth_bias", "contrast"),
         *floats("thickness", "slack", "falloff_scale", "thin"),
         *floats("attenuation", "bias_cos", "bias_sin"),
-        *ints("margin_left", "margin_right", "margin_top", "margin_bottom", "stride", "lead"),
+        *ints("margin_left", "margin_right", "margin_top", "margin_bottom", "stride", "lead", "exact"),
     ),
 )
 
@@ -307,8 +307,11 @@ class SliceScan(Prepared[SliceParams]):
             "first_y": self._first[0],
         }
 
-    def packed(self, source: Source, values: Mapping[str, float]) -> Any:
-        """Return the struct for a G-buffer, or it reduced, with the technique's own `values`."""
+    def packed(self, source: Source, values: Mapping[str, float], *, exact: bool = False) -> Any:
+        """Return the struct for a G-buffer, or it reduced, with the technique's own `values`.
+
+        `exact`: whether depths are, see `DeviceGBuffer.is_exact`.
+        """
         params = self.params
         camera = source.camera_struct
         unit = _ortho_unit(camera, 1)
@@ -325,6 +328,7 @@ class SliceScan(Prepared[SliceParams]):
                 "contrast": params.contrast,
                 "stride": self._stride,
                 "lead": self._lead,
+                "exact": int(exact),
                 **border_values(source, self.size),
                 **values,
             }
@@ -361,7 +365,7 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
     def _occlude(self, out: Plane, gbuffer: DeviceGBuffer, source: Source, region: Region | None) -> None:
         thickness = gbuffer.thickness if self.reads_thickness else None
         inv_depth = self._scan.inv_depth(gbuffer, thickness)
-        packed = self._scan.packed(source, self._values())
+        packed = self._scan.packed(source, self._values(), exact=gbuffer.is_exact)
         kernel = self._kernel(thick=thickness is not None)
         for strip in self._scan.strips(region):
             kernel.run(

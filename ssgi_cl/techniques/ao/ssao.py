@@ -35,7 +35,7 @@ SSAO = Struct(
         *floats("most_px", "samples_per_px", "fewest", "bias", "depth_bias"),
         *floats("rate", "none_at", "ramp_scale", "power", "curve_end", "curve_scale"),
         *floats("contrast", "border_depth"),
-        *ints("margin_left", "margin_right", "margin_top", "margin_bottom"),
+        *ints("margin_left", "margin_right", "margin_top", "margin_bottom", "exact"),
     ),
 )
 
@@ -240,10 +240,10 @@ class Ssao(OcclusionTechnique):
             curve=self._curve,
             visibility=out,
             camera=source.camera_struct,
-            params=self._packed(source),
+            params=self._packed(source, exact=gbuffer.is_exact),
         )
 
-    def _packed(self, source: Source) -> Any:
+    def _packed(self, source: Source, *, exact: bool) -> Any:
         params = self.params
         radii = [*params.radius, 0.0, 0.0, 0.0][:4]
         curve_size = 2 if isinstance(params.falloff, str) else len(params.falloff)
@@ -265,6 +265,7 @@ class Ssao(OcclusionTechnique):
                 "curve_scale": (curve_size - 1) / params.falloff_end,
                 "contrast": params.contrast,
                 "border_depth": params.outside if isinstance(params.outside, float) else math.inf,
+                "exact": int(exact),
                 **border_values(source, self._visibility.size),
             }
         )

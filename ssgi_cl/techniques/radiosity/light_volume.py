@@ -16,6 +16,8 @@ FAINT = 1e-3
 """Area that surfaces from another cell are given in an empty one, in sides of a cell squared."""
 BRIGHTEST = 1e30
 """W m^-2 sr^-1: more counts as this."""
+NEAR = 2.5
+"""Cells within which surfaces that no light reaches give way to lit ones."""
 FACES = 6
 """Directions that surfaces of a cell face: +x, -x, +y, -y, +z, -z."""
 
@@ -55,8 +57,8 @@ class LightVolume:
         low: [3] float64, the corner of least coordinates of the cube, scene units.
         extent: of its side, scene units.
         also: what some of the same surfaces send besides.
-        unlit: pieces of surfaces that no light reaches: black where no other is in their cell and faces the same way,
-            as cells are thicker than some walls.
+        unlit: pieces of surfaces that no light reaches: black where no other within `NEAR` faces the same way, as
+            cells are thicker than some walls.
     """
 
     light: SentLight
@@ -96,9 +98,12 @@ class LightVolume:
         radiance, faces = np.zeros((*shape, FACES, 3)), np.full((*shape, FACES), FAINT)
         for face in range(FACES):
             area = sums[0][face, :, 3]
-            if black is not None:
-                area = np.where(area > 0.0, area, black[face])
             known = (area > 1e-6 * area.max(initial=0.0)).reshape(shape)
+            if black is not None and black[face].any():
+                away = ndimage.distance_transform_edt(~known) if known.any() else np.full(shape, np.inf)
+                alone = (away > NEAR) & (black[face] > 0.0).reshape(shape)
+                area = np.where(alone.ravel(), black[face], area)
+                known |= alone
             if not known.any():
                 continue
             mean = np.zeros((CELLS**3, 3))

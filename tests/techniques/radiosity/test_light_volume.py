@@ -51,9 +51,9 @@ def test_surfaces_in_one_cell_count_by_their_area() -> None:
 
 
 def test_unlit_surfaces_are_black_where_no_other_is() -> None:
-    # One stands alone; the other shares a cell with a lit one that faces the same way: a wall thinner than the cell.
+    # One stands alone; two are near a lit one that faces the same way, as in a wall thinner than the cell.
     lit = light([centre(4, 5, 6)], [[0, 1, 0]], [0.004], [math.pi])
-    black = light([centre(4, 5, 6), centre(20, 5, 6)], [[0, 1, 0]] * 2, [0.004, 0.002], [0.0, 0.0])
+    black = light([centre(4, 5, 6), centre(6, 5, 6), centre(20, 5, 6)], [[0, 1, 0]] * 3, [0.004, 1.0, 0.002], [0.0] * 3)
     volume = LightVolume(lit, LOW, EXTENT, unlit=black)
     np.testing.assert_allclose(volume.radiance[6, 5, 4, 2], 1.0)
     np.testing.assert_allclose(volume.area[6, 5, [4, 20], 2], np.array((0.004, 0.002)) / SIDE**2)

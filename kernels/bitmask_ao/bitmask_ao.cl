@@ -84,6 +84,12 @@ SSGI_INLINE vfloat bitmask_scan(ssgi_plane inv_depth, const SsgiReceiver *receiv
             ssgi_slice(receiver, pattern->table + s * SLICES_SIZE, radius, pattern->centre);
         BitmaskSurfaces surfaces;
         bitmask_slice(inv_depth, receiver, &slice, pattern->centre, params, &surfaces);
+        if (!receiver->tilts) {
+            const vfloat share = v_to_float(v_count_bits(surfaces.covered)) * (1.0f / 32.0f);
+            occluded = v_fma(surfaces.measure.share, share, occluded);
+            whole = whole + surfaces.measure.share;
+            continue;
+        }
         const vint below = bitmask_below(receiver, &slice, &surfaces.measure);
         const vfloat hidden = v_to_float(v_count_bits(surfaces.covered & ~below)) * (1.0f / 32.0f);
         const vfloat above =

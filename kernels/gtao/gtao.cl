@@ -128,7 +128,7 @@ SSGI_INLINE void gtao_end_side(const SsgiReceiver *receiver, const SsgiSlice *sl
         cosine = cot * sine;
     }
     vmask rises = v_gt(rise, v_splat(0.0f));
-    if (v_any(receiver->tilted)) {
+    if (receiver->tilts) {
         // The lower of both planes ends what the normal's hemisphere sees.
         const vmask below = receiver->tilted & v_lt(cosine, -sin_normal);
         cosine = v_select(cosine, -sin_normal, below);

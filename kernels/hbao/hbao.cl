@@ -80,7 +80,7 @@ SSGI_INLINE HbaoHorizons hbao_begin(const SsgiReceiver *receiver, const SsgiSlic
             const vfloat grown = params.bias_sin / (cosine * v_max(raised_cosine, v_splat(1e-6f)));
             at.rise[side] = v_select(grown / slice->steepness, v_splat(INFINITY), upright);
         }
-        if (v_any(receiver->tilted)) {
+        if (receiver->tilts) {
             hbao_begin_tilted(receiver, slice, side, &at);
         }
         at.could_hide = at.could_hide + (one - at.horizon[side]);

@@ -120,7 +120,7 @@ static inline void raster_read(__global const int *restrict records,
     v_ikeep(v_ilt(listed, v_splat_int(end)) & v_ile(first_x, last_x) & v_ile(first_y, last_y), use);
     int count = 0;
     for (int lane = 0; lane < SSGI_LANES; ++lane) {
-        batch->kept[count] = lane;
+        batch->kept[v_lane(count)] = lane;
         count -= use[lane];
     }
     batch->count = count;
@@ -166,14 +166,14 @@ static inline void raster_draw(const RasterBatch *batch, const int n, const Rast
     vint row_ab = raster_side(&batch->ab, n), row_bc = raster_side(&batch->bc, n);
     vint row_ca = raster_side(&batch->ca, n);
     for (int y = batch->above[n]; y <= batch->below[n]; ++y) {
-        const float slope = pixels->slopes[y];
+        const float slope = pixels->slopes[RASTER_HIGH > 1 ? y : 0];
         const vfloat d_row = v_splat(fma(batch->d_y[n], slope, batch->d_0[n]));
         vint edge_ab = row_ab, edge_bc = row_bc, edge_ca = row_ca;
         // Without a branch for lanes that hit nothing: it would be guessed wrongly too often.
         for (int x = batch->from[n]; x <= batch->to[n]; x += SSGI_LANES) {
             vmask hit = ~((edge_ab | edge_bc | edge_ca) >> 31);
             const int pixel = corner + y * RASTER_TILE + x;
-            const vfloat column = pixels->columns[x / SSGI_LANES];
+            const vfloat column = pixels->columns[RASTER_WIDE > SSGI_LANES ? x / SSGI_LANES : 0];
             const vfloat d = v_clamp(v_fma(column, v_splat(batch->d_x[n]), d_row), batch->low[n],
                                      batch->high[n]);
             const vfloat nearest = v_load(depths + pixel);
@@ -223,7 +223,7 @@ raster_tiles(__global const int *restrict records, __global const int *restrict 
         RasterBatch batch;
         raster_read(records, list, i, end, &in, camera, &batch);
         for (int j = 0; j < batch.count; ++j) {
-            const int n = batch.kept[j];
+            const int n = v_lane(batch.kept[v_lane(j)]);
             if (!batch.narrow[n]) {
                 raster_widen(records, list[i + n], n, &in, &batch);
             }

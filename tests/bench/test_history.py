@@ -107,6 +107,18 @@ def test_history_errs_less_than_one_frame_and_a_cut_leaves_no_trail(runtime: Run
     assert after < 1.02 * alone
 
 
+def test_still_camera_converges_to_the_model(runtime: Runtime) -> None:
+    made = film(SHOTS["still camera"](SIZE, 32), 0, runtime)
+    mask = [np.isfinite(np.asarray(made.gbuffers[0].depth))]
+    one, four, last = (
+        steadiness.rmse([made.images[name][n]], [made.model[n]], mask)
+        for name, n in (("1 slice", 31), ("1 slice, history", 3), ("1 slice, history", 31))
+    )
+    # Independent frames would give 1 / sqrt(32) = .18; a sequence that is spread evenly, and moved in few pixels, less.
+    assert last < 0.15 * one
+    assert last < 0.6 * four
+
+
 def test_light_that_switches_off_is_followed_at_once(runtime: Runtime) -> None:
     made = film(SHOTS["light switched off"](SIZE, 12), 0, runtime)
     found = measured(made)

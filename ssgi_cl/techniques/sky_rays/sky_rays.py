@@ -212,12 +212,12 @@ def sky_rays(
     """Compute irradiance by environments, shadowed by all triangles of a scene.
 
     Parts of the sphere of equal flux stand for the environments. Some pixels of each part of the image find out
-    which of these send light; the others send rays to those alone, so that light through a small opening has as
-    many as an open sky. Estimates are blurred along surfaces, no wider than half a penumbra.
+    which of these send light; the others send rays to those alone, so that light through a small opening has
+    as many as an open sky. Estimates are blurred along surfaces, no wider than half a penumbra.
 
-    Heitz, Hill and McGuire 2018, "Combining Analytic Direct Illumination and Stochastic Shadows", with the parts of
-    Debevec 2005, "A Median Cut Algorithm for Light Probe Sampling". Departs: what parts of the sphere would give is
-    summed over those that send light.
+    Heitz, Hill and McGuire 2018, "Combining Analytic Direct Illumination and Stochastic Shadows", with the parts
+    of Debevec 2005, "A Median Cut Algorithm for Light Probe Sampling". Departs: what parts of the sphere would
+    give is summed over those that send light.
 
     Args:
         gbuffer: the receivers.

@@ -129,6 +129,12 @@ def test_radiance_is_the_sum_of_its_parts_dimmed_by_contacts_within_two_cells(
         "runtime": runtime,
     }
     frame = gi.render(scene, camera, [SKY], **given)
+    why = [entry.skipped for entry in frame.passes if entry.name == "rays against triangles"]
+    assert why == (
+        [f"the scene has {len(scene.triangles)} triangles, more than 1: rays of bounces go through the occupancy grid"]
+        if many
+        else []
+    )
     assert frame.ao is not None
     assert frame.indirect is not None
     gbuffer = gi.rasterize.gbuffer(scene, camera, runtime=runtime)

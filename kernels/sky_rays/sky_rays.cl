@@ -89,7 +89,7 @@ __kernel void sky_rays(ssgi_plane depth, ssgi_plane normal, __global const float
             vfloat place[SKY_RAYS], weight[SKY_RAYS], rest[SKY_RAYS];
             vint chosen[SKY_RAYS];
             const vfloat start =
-                v_load(noise + (y / SKY_ROWS % SKY_NOISE) * (SKY_NOISE + 16) + x % SKY_NOISE);
+                v_load(noise + (y % SKY_NOISE / SKY_ROWS) * (SKY_NOISE + 16) + x % SKY_NOISE);
             for (int i = 0; i < SKY_RAYS; ++i) {
                 place[i] = (start + (float)i) * (1.0f / SKY_RAYS) * total;
                 chosen[i] = v_splat_int(0);

@@ -28,6 +28,7 @@ from ssgi_cl.frame.record import GraphRecord
 from ssgi_cl.frame.result import Frame
 from ssgi_cl.rasterize.raster.view import downloaded
 from ssgi_cl.rasterize.raster.visible_extent import visible_extent
+from ssgi_cl.techniques.occupancy.scene_rays import why_grid
 
 MADE_OF = {
     "image": {of.RADIANCE, of.EXPOSURE, of.IMAGE},
@@ -144,16 +145,21 @@ class Renderer:
     def _given(
         self, scene: Scene, camera: Camera, lights: tuple[Light, ...], params: FrameParams, radius: float
     ) -> dict[str, Any]:
-        """Return the resources that are given; note suns that are split off environments."""
-        split = lights
+        """Return the resources that are given; note suns that are split off environments, and why rays of bounces go
+        through the occupancy grid."""
+        split, casting = lights, scene_parts(scene).casting
         if params.kind == "whole":
             split, suns = lights_with_suns(lights)
             if suns:
                 self.runtime.skip("suns", suns, 0.0)
+            if (why := why_grid(casting)) is not None:
+                self.runtime.skip(
+                    "rays against triangles", f"{why}: rays of bounces go through the occupancy grid", 0.0
+                )
         occlusion, bounce = params.techniques(radius)
         return {
             of.SCENE: scene,
-            of.CASTING: scene_parts(scene).casting,
+            of.CASTING: casting,
             of.CAMERA: camera,
             of.LIGHTS: split,
             of.SKY: lights,

@@ -114,8 +114,8 @@ def test_the_sky_is_hidden_at_any_distance(runtime: Runtime) -> None:
 def test_radiance_is_the_sum_of_its_parts_dimmed_by_contacts_within_two_cells(
     runtime: Runtime, monkeypatch: pytest.MonkeyPatch, *, many: bool
 ) -> None:
-    """Albedo / pi (A E_sky + E_bounces), with A of two cells of the occupancy grid. Of scenes of so many triangles that
-    rays go through its cells, bounces are dimmed by min(2 A, 1)."""
+    """Albedo / pi (E_sky + E_bounces) where rays find all blockers. Of scenes of so many triangles that rays go through
+    the occupancy grid, the sky is dimmed by A of two of its cells, and bounces by min(2 A, 1)."""
     if many:
         monkeypatch.setattr(scene_rays, "MOST_TRIANGLES", 1)
     scene = cube(0.5, 0.0, sides=5)
@@ -129,15 +129,26 @@ def test_radiance_is_the_sum_of_its_parts_dimmed_by_contacts_within_two_cells(
         "runtime": runtime,
     }
     frame = gi.render(scene, camera, [SKY], **given)
+    why = [entry.skipped for entry in frame.passes if entry.name == "rays against triangles"]
+    assert why == (
+        [f"the scene has {len(scene.triangles)} triangles, more than 1: rays of bounces go through the occupancy grid"]
+        if many
+        else []
+    )
     assert frame.ao is not None
     assert frame.indirect is not None
     gbuffer = gi.rasterize.gbuffer(scene, camera, runtime=runtime)
-    sky = gi.sampled_lights(
-        gbuffer, [SKY], scene=scene, directions=whole.directions, map_size=whole.map_size, runtime=runtime
-    )
     a = frame.ao[..., None]
+    if many:
+        sky = gi.sampled_lights(
+            gbuffer, [SKY], scene=scene, directions=whole.directions, map_size=whole.map_size, runtime=runtime
+        )
+        dimmed = a * sky + np.minimum(2.0 * a, 1.0) * frame.indirect
+    else:  # in an enclosed scene
+        sky = gi.sky_rays(gbuffer, [SKY], scene=scene, runtime=runtime)
+        dimmed = sky + frame.indirect
     there = np.isfinite(np.asarray(gbuffer.depth)) & (sky.max(axis=-1) > 0.0)
-    expected = 0.5 / math.pi * (a * sky + (np.minimum(2.0 * a, 1.0) if many else 1.0) * frame.indirect)
+    expected = 0.5 / math.pi * dimmed
     assert there.mean() > 0.5
     assert np.quantile(frame.ao[there], 0.05) < 0.8  # there is something that it dims
     np.testing.assert_allclose(frame.radiance[there], expected[there], rtol=1e-4)

@@ -20,6 +20,7 @@ from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, floats, ints, rotat
 from ssgi_cl.device.transient import Target
 from ssgi_cl.rasterize.raster.scene_bvh import scene_bvh
 from ssgi_cl.techniques.area_lights.emitters import Emitters
+from ssgi_cl.techniques.bands import banded, fixed_plan
 from ssgi_cl.techniques.radiosity.surfels import curve_numbers
 from ssgi_cl.techniques.technique import Technique
 
@@ -28,6 +29,8 @@ AREA = Struct(
     (*floats(*ROTATION, "eye_x", "eye_y", "eye_z", "lift", "before"), *ints("count", "margin_columns", "margin_rows")),
 )
 
+MOST_BLUR = 16
+"""Radius of the blur at most, px: as far again its cells reach, and where it looks for blockers."""
 LIFT = 1e-4
 """Height above its surface at which a ray starts, relative to the diagonal of the scene's box."""
 
@@ -38,7 +41,7 @@ class AreaLightsParams(Params):
 
     rays: int = param(1, "shadow rays of a pixel", low=1, high=16)
     more_rays: int = param(4, "further ones of a pixel near which some are blocked and some are not", low=0, high=16)
-    blur: int = param(8, "radius of the blur of penumbrae at most; 0 for none", low=0, high=16, unit="px")
+    blur: int = param(8, "radius of the blur of penumbrae at most; 0 for none", low=0, high=MOST_BLUR, unit="px")
 
 
 class AreaLightsKeywords(TypedDict, total=False):
@@ -132,12 +135,14 @@ class AreaLights(Prepared[AreaLightsParams]):
         return irradiance
 
 
+@banded(fixed_plan(AREA_NOISE))
 @with_fields_described(AreaLightsParams)
 @serialised
 def area_lights(
     gbuffer: GBuffer | DeviceGBuffer,
     *,
     scene: Scene,
+    max_memory: int | None = None,
     runtime: Runtime | None = None,
     **params: Unpack[AreaLightsKeywords],
 ) -> NDArray[np.float32]:
@@ -155,6 +160,7 @@ def area_lights(
         gbuffer: the receivers.
         scene: whose surfaces emit and block. Textured emission counts as its mean. What rays need is kept for the
             next call with the same scene.
+        max_memory: as of `gtao`.
         runtime: the device; by default the fastest found.
         **params: the fields of `AreaLightsParams`.
 

@@ -25,7 +25,14 @@ occupancy grid, whose cells, 1/122 of the scene's longest side, err less where a
 def rays_meet_triangles(scene: Scene) -> bool:
     """Return whether rays of bounces meet the triangles of a scene, and not the cells of the occupancy grid: there are
     no more than `MOST_TRIANGLES`, and none has holes, which the grid knows."""
-    return len(scene.triangles) <= MOST_TRIANGLES and not scene.has_holes
+    return why_grid(scene) is None
+
+
+def why_grid(scene: Scene) -> str | None:
+    """Return why rays of bounces go through the occupancy grid; None where they meet the triangles."""
+    if len(scene.triangles) > MOST_TRIANGLES:
+        return f"the scene has {len(scene.triangles):,} triangles, more than {MOST_TRIANGLES:,}"
+    return "a texture's alpha cuts holes into the scene" if scene.has_holes else None
 
 
 class SceneRays:

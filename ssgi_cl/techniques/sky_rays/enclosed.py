@@ -12,6 +12,9 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.raster.scene_bvh import scene_bvh
 from ssgi_cl.techniques.occupancy.scene_rays import rays_meet_triangles
 
+MOST_TRIANGLES = 1 << 12
+"""Of a scene whose sky is found by rays. Among 600 they take 2.6 to 2.8 times as long as depth maps of 128 directions,
+and among 20,000 five times."""
 RAYS = 1 << 14
 """From points of a scene's box."""
 OPEN = 0.25
@@ -19,11 +22,13 @@ OPEN = 0.25
 
 
 def sky_by_rays(scene: Scene, runtime: Runtime) -> bool:
-    """Return whether the light of environments is found by rays: rays meet triangles, and the scene is enclosed.
+    """Return whether the light of environments is found by rays: the scene is enclosed, and has few triangles, which
+    rays of bounces meet too.
 
     Under an open sky depth maps of many directions cost less than as many rays. Computed once for a scene.
     """
-    return rays_meet_triangles(scene) and openness(scene, runtime) < OPEN
+    few = len(scene.triangles) <= MOST_TRIANGLES
+    return few and rays_meet_triangles(scene) and openness(scene, runtime) < OPEN
 
 
 def openness(scene: Scene, runtime: Runtime) -> float:

@@ -41,8 +41,8 @@ FAR = 2.0
 """Length of a ray, likewise."""
 MOST_BLUR = 16
 """Radius of the blur at most, px."""
-LARGE = 1 << 18
-"""Pixels of an image of whose rows every fourth finds out where light comes from, and not every one."""
+LARGE = 512
+"""Columns of an image of whose rows every fourth finds out where light comes from, and not every one."""
 APART = 1.3
 """Times the sum of their half widths: distance of strata that are neighbours."""
 WORD = 8
@@ -110,8 +110,10 @@ class SkyRays(Prepared[SkyRaysParams]):
         eye = camera.position - scene.origin
         diagonal = float(np.linalg.norm(np.ptp(scene.bounds, axis=0)))
         rows, columns = self.size
-        step = 4 if rows * columns >= LARGE else 1
-        each = -(-2 * params.count // (-(-rows // step) * -(-columns // 16)))
+        step = 4 if columns >= LARGE else 1
+        # Half as many again as there are strata above a surface, of what nine cells have: of a band as of the image.
+        sent = -(-min(rows, 2 * SKY_CELL) // step) * min(-(-columns // 16), 3 * SKY_CELL // 16)
+        each = -(-3 * params.count // (4 * sent))
         values = SKY.pack({
             **rotation_values(camera.view[:3, :3]),
             "eye_x": float(eye[0]), "eye_y": float(eye[1]), "eye_z": float(eye[2]),
@@ -197,7 +199,7 @@ class SkyRays(Prepared[SkyRaysParams]):
         self._environments = now
 
 
-@banded(fixed_plan(MOST_BLUR + 2 * SKY_CELL))
+@banded(fixed_plan(2 * SKY_NOISE))
 @with_fields_described(SkyRaysParams)
 @serialised
 def sky_rays(
@@ -212,12 +214,12 @@ def sky_rays(
     """Compute irradiance by environments, shadowed by all triangles of a scene.
 
     Parts of the sphere of equal flux stand for the environments. Some pixels of each part of the image find out
-    which of these send light; the others send rays to those alone, so that light through a small opening has as
-    many as an open sky. Estimates are blurred along surfaces, no wider than half a penumbra.
+    which of these send light; the others send rays to those alone, so that light through a small opening has
+    as many as an open sky. Estimates are blurred along surfaces, no wider than half a penumbra.
 
-    Heitz, Hill and McGuire 2018, "Combining Analytic Direct Illumination and Stochastic Shadows", with the parts of
-    Debevec 2005, "A Median Cut Algorithm for Light Probe Sampling". Departs: what parts of the sphere would give is
-    summed over those that send light.
+    Heitz, Hill and McGuire 2018, "Combining Analytic Direct Illumination and Stochastic Shadows", with the parts
+    of Debevec 2005, "A Median Cut Algorithm for Light Probe Sampling". Departs: what parts of the sphere would
+    give is summed over those that send light.
 
     Args:
         gbuffer: the receivers.

@@ -17,8 +17,8 @@
 #include "common/gbuffer.clh"
 #include "common/surface.clh"
 
-#if !defined(SKY_CHANNELS) || !defined(SKY_SHAPE) || !defined(SKY_REACH)
-#error "SKY_CHANNELS, SKY_SHAPE and SKY_REACH must be defined by the host"
+#if !defined(SKY_ROWS) || !defined(SKY_CHANNELS) || !defined(SKY_SHAPE) || !defined(SKY_REACH)
+#error "SKY_ROWS, _CHANNELS, _SHAPE and _REACH must be defined by the host"
 #endif
 #if SKY_REACH > SSGI_GUARD
 #error "SKY_REACH is beyond the guard of a plane"

@@ -26,6 +26,9 @@
 #if !defined(SKY_RAYS) || !defined(SKY_CHANNELS)
 #error "SKY_RAYS and SKY_CHANNELS must be defined by the host"
 #endif
+#if !defined(SKY_NOISE) || !defined(SKY_ROWS)
+#error "ssgi_cl/device/constants.py defines SKY_NOISE and SKY_ROWS"
+#endif
 #define SKY_UNSEEN 0.25f
 
 // Bits of the quarters of a part of which light came.

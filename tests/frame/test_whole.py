@@ -19,6 +19,7 @@ from ssgi_cl.rasterize.raster.rasterizer import Rasterizer
 from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.rasterize.scenes import make_scene
 from ssgi_cl.techniques.occupancy import scene_rays
+from ssgi_cl.techniques.sky_rays import enclosed
 
 from .scenes import MAPS, cube, halves, inside, matt, scene_of
 
@@ -110,14 +111,17 @@ def test_the_sky_is_hidden_at_any_distance(runtime: Runtime) -> None:
     assert seen.mean() < 1.6 * direct
 
 
-@pytest.mark.parametrize("many", [False, True])
+@pytest.mark.parametrize("kind", ["enclosed", "open", "many triangles"])
 def test_radiance_is_the_sum_of_its_parts_dimmed_by_contacts_within_two_cells(
-    runtime: Runtime, monkeypatch: pytest.MonkeyPatch, *, many: bool
+    runtime: Runtime, monkeypatch: pytest.MonkeyPatch, kind: str
 ) -> None:
-    """Albedo / pi (E_sky + E_bounces) where rays find all blockers. Of scenes of so many triangles that rays go through
-    the occupancy grid, the sky is dimmed by A of two of its cells, and bounces by min(2 A, 1)."""
+    """Albedo / pi (E_sky + E_bounces) where rays find all blockers. With depth maps, the sky is dimmed by A of two cells
+    of the occupancy grid; of scenes of so many triangles that rays go through it, bounces are by min(2 A, 1)."""
+    many = kind == "many triangles"
     if many:
         monkeypatch.setattr(scene_rays, "MOST_TRIANGLES", 1)
+    if kind == "enclosed":
+        monkeypatch.setattr(enclosed, "OPEN", 0.25)
     scene = cube(0.5, 0.0, sides=5)
     camera = gi.Camera.look_at((-0.7, -0.7, 0.2), (-1.0, -1.0, 0.0), yfov=0.5, width=64, height=48)  # of an edge
     whole = FrameParams(preset="medium").whole
@@ -139,14 +143,14 @@ def test_radiance_is_the_sum_of_its_parts_dimmed_by_contacts_within_two_cells(
     assert frame.indirect is not None
     gbuffer = gi.rasterize.gbuffer(scene, camera, runtime=runtime)
     a = frame.ao[..., None]
-    if many:
+    if kind == "enclosed":
+        sky = gi.sky_rays(gbuffer, [SKY], scene=scene, runtime=runtime)
+        dimmed = sky + frame.indirect
+    else:
         sky = gi.sampled_lights(
             gbuffer, [SKY], scene=scene, directions=whole.directions, map_size=whole.map_size, runtime=runtime
         )
-        dimmed = a * sky + np.minimum(2.0 * a, 1.0) * frame.indirect
-    else:  # in an enclosed scene
-        sky = gi.sky_rays(gbuffer, [SKY], scene=scene, runtime=runtime)
-        dimmed = sky + frame.indirect
+        dimmed = a * sky + (np.minimum(2.0 * a, 1.0) if many else 1.0) * frame.indirect
     there = np.isfinite(np.asarray(gbuffer.depth)) & (sky.max(axis=-1) > 0.0)
     expected = 0.5 / math.pi * dimmed
     assert there.mean() > 0.5

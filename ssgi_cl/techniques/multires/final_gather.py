@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import zlib
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +25,8 @@ TILE = GATHER_TILE
 REACH = 1.01
 """Length of rays, in diagonals of the scene's box."""
 SEED = 7
+PLACES = 16
+"""Places along a pixel's side that differ in their rays."""
 
 
 def gather_ways(rays: int) -> NDArray[np.float32]:
@@ -57,8 +58,10 @@ def tile_turn(camera: Camera) -> tuple[int, int]:
     Pictures of other places within the pixels have other rays, so that their mean has less noise; a camera that
     moves keeps them.
     """
-    turn = zlib.crc32(np.ascontiguousarray(camera.projection).tobytes())
-    return turn % TILE, turn // TILE % TILE
+    place = 0.5 * np.array([camera.width, camera.height]) * camera.projection[:2, 2]
+    right, down = np.rint(place * PLACES).astype(int).tolist()
+    turn = (right * 5 + down * 11) % (TILE * TILE)
+    return turn % TILE, turn // TILE
 
 
 class FinalGather:

@@ -115,8 +115,8 @@ def test_the_sky_is_hidden_at_any_distance(runtime: Runtime) -> None:
 def test_radiance_is_the_sum_of_its_parts_dimmed_by_contacts_within_two_cells(
     runtime: Runtime, monkeypatch: pytest.MonkeyPatch, kind: str
 ) -> None:
-    """Albedo / pi (E_sky + E_bounces) where rays find all blockers. With depth maps, the sky is dimmed by A of two cells
-    of the occupancy grid; of scenes of so many triangles that rays go through it, bounces are by min(2 A, 1)."""
+    """Albedo / pi (E_sky + E_bounces) where rays find all blockers. With depth maps, the sky is dimmed by A of two
+    cells of the occupancy grid; of scenes of so many triangles that rays go through it, bounces are by min(2 A, 1)."""
     many = kind == "many triangles"
     if many:
         monkeypatch.setattr(scene_rays, "MOST_TRIANGLES", 1)

@@ -69,7 +69,7 @@ class WholeFrameParams(Params):
     vpls: int = param(4096, "virtual point lights for the first bounce of punctual lights", low=16, high=1 << 16)
     surfels: int = param(2048, "surface elements that carry all other light", low=16, high=1 << 14)
     rays: int = param(
-        144,
+        100,
         "over the hemisphere of each point at which light of surfels is gathered, the largest square up to it; in "
         "scenes of up to 65,536 triangles without holes",
         low=4,
@@ -79,7 +79,7 @@ class WholeFrameParams(Params):
     map_size: int = param(128, "along the side of the depth map of each direction", low=16, high=1024, unit="texels")
     error: float = param(
         0.15,
-        "of the final gather's interpolation and light tree",
+        "of the final gather's light tree, and of its interpolation, half of it where rays gather",
         low=0.0,
         high=1e6,
         unit="of the mean irradiance by all light, direct and sky light included",
@@ -92,12 +92,12 @@ class WholeFrameParams(Params):
     @classmethod
     def low(cls, bounces: Bounces = "all") -> WholeFrameParams:
         """Return the fastest preset."""
-        return cls(vpls=1024, surfels=512, rays=64, directions=64, error=0.2, bounces=bounces)
+        return cls(vpls=1024, surfels=512, rays=36, directions=64, error=0.2, bounces=bounces)
 
     @classmethod
     def medium(cls, bounces: Bounces = "all") -> WholeFrameParams:
         """Return the preset between `low` and `high`."""
-        return cls(vpls=2048, surfels=1024, rays=100, bounces=bounces)
+        return cls(vpls=2048, surfels=1024, rays=64, bounces=bounces)
 
     @classmethod
     def high(cls, bounces: Bounces = "all") -> WholeFrameParams:

@@ -50,6 +50,12 @@ from ssgi_cl.techniques.vpl.vpl_light import (
 from ssgi_cl.techniques.vpl.vpl_tree import SHARES, VplTree
 from ssgi_cl.techniques.vpl.world_vpls import WorldVpls
 
+CLOSER = 0.5
+"""Error of interpolation allowed with rays over the hemisphere, in parts of that of lights: more points with fewer rays
+err less in the same time. RMS of the logarithm of irradiance with all of .15 and 144 rays, with half and 100: 5.0 and
+4.4 % in `cornell_box`, 2.8 and 2.6 in a room with a spot light, 1.3 and 1.5 in one with a panel and rods, in .6 to 1.0
+of the time."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class MultiresSplatParams(MultiresGridParams, VplParams):
@@ -272,7 +278,8 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
                 final.shine(level, rays, self._lights.values["per_unit"])
             if level is coarsest:
                 known = [*other_light, *([] if final is None else [level.values])]
-                tree.measure(level.source, level.list, values, params.interpolation_error, params.light_error, known)
+                between = params.interpolation_error * (1.0 if final is None else CLOSER)
+                tree.measure(level.source, level.list, values, between, params.light_error, known)
             if self._lights.count:
                 tree.shine(level.source, level.list, level.most, level.fractions, level.values, values, occupancy, rays)
         return Gathered(self.grid.result, occupancy)

@@ -79,7 +79,7 @@ class WholeFrameParams(Params):
     map_size: int = param(128, "along the side of the depth map of each direction", low=16, high=1024, unit="texels")
     error: float = param(
         0.15,
-        "of the final gather's light tree, and of its interpolation, half of it where rays gather",
+        "of the final gather's light tree and interpolation, of the latter .3 times that where rays gather",
         low=0.0,
         high=1e6,
         unit="of the mean irradiance by all light, direct and sky light included",

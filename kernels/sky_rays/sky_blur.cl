@@ -28,6 +28,7 @@
 #define SKY_LEAST 6.0f  // pixels, as of many rays a pixel has one
 #define SKY_TALL 1.5f   // times SKY_REACH: greatest radius along columns
 #define SKY_OTHER 1e-4f // weight of other surfaces, where no estimate is of the own one
+#define SKY_RISES 0.05f // least mean of the shares of light that rays of a surface would bring
 #define SKY_BRIGHTEST 1e30f
 
 __kernel void sky_blur(ssgi_plane value, ssgi_plane linear, ssgi_plane normal,
@@ -48,7 +49,7 @@ __kernel void sky_blur(ssgi_plane value, ssgi_plane linear, ssgi_plane normal,
     const vfloat zero = v_splat(0.0f), one = v_splat(1.0f);
     const vfloat own = ssgi_load(linear, whole, 0, at_x, at_y);
     const vmask there = v_lt(own, v_splat(INFINITY));
-    vfloat sum[SKY_CHANNELS + 1], total = zero;
+    vfloat sum[SKY_CHANNELS + 1], total = zero, alone = zero;
     for (int j = 0; j <= SKY_CHANNELS; ++j) {
         sum[j] = zero;
     }
@@ -106,13 +107,16 @@ __kernel void sky_blur(ssgi_plane value, ssgi_plane linear, ssgi_plane normal,
             const vfloat apart = v_max(v_fma(v_splat((float)(d * d)), -inverse, one), zero);
             const vfloat weight = v_select(zero, apart * apart * (alike + SKY_OTHER), some);
             total = total + weight;
+            alone = alone + v_select(zero, apart * apart * alike, some);
             for (int j = 0; j <= SKY_CHANNELS; ++j) {
                 const vfloat found = ssgi_load(value, few, j, x + dx, row);
                 sum[j] = v_fma(weight, v_select(zero, found, some), sum[j]);
             }
         }
 #if SKY_SHAPE == 1
-        total = sum[SKY_CHANNELS];
+        // Where hardly a ray of the own surface rises above it, no light comes from elsewhere
+        // either.
+        total = v_max(sum[SKY_CHANNELS], alone * SKY_RISES);
 #endif
         const vmask any = v_gt(total, zero) & there;
         const vfloat per = v_select(zero, one / v_select(one, total, any), any);

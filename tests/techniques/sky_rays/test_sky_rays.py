@@ -17,6 +17,7 @@ from ssgi_cl.core.lights import Environment, PointLight
 from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import gbuffer as drawn
+from ssgi_cl.rasterize.scenes import make_scene
 from ssgi_cl.reference.area_lights.area_lights import polygon_irradiance
 from ssgi_cl.reference.gbuffer import SurfaceView
 from ssgi_cl.reference.sky_rays.sky_rays import sky_rays_reference, unblocked
@@ -308,3 +309,14 @@ def test_parameters_out_of_range_are_refused(runtime: Runtime, values: dict[str,
         gi.sky_rays(seen, [Environment(1.0)], scene=room(), runtime=runtime, **values)  # type: ignore[arg-type]
     with pytest.raises(TypeError, match="scene is NoneType"):
         gi.sky_rays(seen, [Environment(1.0)], scene=None, runtime=runtime)  # type: ignore[arg-type]
+
+
+def test_a_side_turned_from_the_window_takes_nothing_from_the_side_beside_it(runtime: Runtime) -> None:
+    # Of the parts of the sky that the cell's other surface sees, all lie below this one.
+    room = make_scene("window-301")
+    camera = room.camera(800, 600)
+    seen = drawn(room.scene, camera, runtime=runtime)
+    sky = gi.sky_rays(seen, [Environment((1.0, 1.0, 1.0))], scene=room.scene, runtime=runtime)
+    top, front = sky[190:196, 644:668], sky[202:222, 644:668]
+    assert top.mean() > 0.01 * math.pi
+    assert front.max() < 1e-3 * top.mean()

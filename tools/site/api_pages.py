@@ -64,7 +64,8 @@ def page(name: str, value: Any) -> str:
     title = name.removeprefix("ssgi_cl.")
     lines = [title, "=" * len(title), ""]
     if inspect.isclass(value):
-        lines += [f".. autoclass:: {name}", "   :members:", "   :inherited-members: object, tuple, Exception"]
+        lines += [f".. autoclass:: {name}", "   :members:"]
+        lines += ["   :inherited-members: object, tuple, Exception, int, Enum"]
     elif inspect.isfunction(value):
         lines += [f".. autofunction:: {name}"]
     else:

@@ -30,8 +30,7 @@
 #error "the host defines GATHER_RAYS, ssgi_cl/device/constants.py GATHER_TILE, a power of two"
 #endif
 
-#define GATHER_TURNS -0.5f  // component z of normals below which their other directions turn
-#define GATHER_BEFORE 0.01f // cells before a surface, as surfaces lie on planes between cells
+#define GATHER_TURNS -0.5f // component z of normals below which their other directions turn
 
 __kernel void final_gather(ssgi_plane depth, ssgi_plane normal, __global const int *restrict list,
                            __global const float *restrict ways,
@@ -81,26 +80,18 @@ __kernel void final_gather(ssgi_plane depth, ssgi_plane normal, __global const i
                 continue;
             }
             const vint t = v_iselect(v_splat_int(0), hit.triangle, met) * RAYS_TRIANGLE;
-            const vfloat e0 = v_gather(triangles, t + 3), e1 = v_gather(triangles, t + 4);
-            const vfloat e2 = v_gather(triangles, t + 5), f0 = v_gather(triangles, t + 6);
-            const vfloat f1 = v_gather(triangles, t + 7), f2 = v_gather(triangles, t + 8);
-            const vfloat m0 = v_fma(e1, f2, -(e2 * f1)), m1 = v_fma(e2, f0, -(e0 * f2));
-            const vfloat m2 = v_fma(e0, f1, -(e1 * f0));
-            // Away from the side that the ray meets, of unit length.
-            const vfloat towards = v_fma(m0, wx, v_fma(m1, wy, m2 * wz));
-            const vfloat unit = v_copysign(
-                v_rsqrt(v_max(v_fma(m0, m0, v_fma(m1, m1, m2 * m2)), v_splat(1e-37f))), towards);
-            const vfloat qx = m0 * unit, qy = m1 * unit, qz = m2 * unit;
+            vfloat away[3];
+            rays_away(triangles, t, wx, wy, wz, away);
             const vfloat scale = v_splat(gather.per_cell);
             vfloat sent[3];
             volume_radiance(volume,
                             v_fma(v_fma(line.wx, hit.where, line.x), scale,
-                                  v_fma(qx, v_splat(-GATHER_BEFORE), v_splat(gather.cell_x))),
+                                  v_fma(away[0], v_splat(-VOLUME_BEFORE), v_splat(gather.cell_x))),
                             v_fma(v_fma(line.wy, hit.where, line.y), scale,
-                                  v_fma(qy, v_splat(-GATHER_BEFORE), v_splat(gather.cell_y))),
+                                  v_fma(away[1], v_splat(-VOLUME_BEFORE), v_splat(gather.cell_y))),
                             v_fma(v_fma(line.wz, hit.where, line.z), scale,
-                                  v_fma(qz, v_splat(-GATHER_BEFORE), v_splat(gather.cell_z))),
-                            qx, qy, qz, sent);
+                                  v_fma(away[2], v_splat(-VOLUME_BEFORE), v_splat(gather.cell_z))),
+                            away[0], away[1], away[2], sent);
             for (int c = 0; c < 3; ++c) {
                 sum[c] = sum[c] + v_select(zero, sent[c], met);
             }

@@ -143,26 +143,17 @@ reflect_mirror(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo, ssgi_pla
             vmask glows = v_splat_int(0);
             vfloat ux = ax, uy = ay, uz = az; // the normal of what is met, in view space
             if (v_any(hidden)) {
-                const vfloat e0 = v_gather(triangles, t + 3), e1 = v_gather(triangles, t + 4);
-                const vfloat e2 = v_gather(triangles, t + 5), f0 = v_gather(triangles, t + 6);
-                const vfloat f1 = v_gather(triangles, t + 7), f2 = v_gather(triangles, t + 8);
-                const vfloat m0 = v_fma(e1, f2, -(e2 * f1)), m1 = v_fma(e2, f0, -(e0 * f2));
-                const vfloat m2 = v_fma(e0, f1, -(e1 * f0));
-                // Away from the side that the ray meets, of unit length.
-                const vfloat towards = v_fma(m0, wx, v_fma(m1, wy, m2 * wz));
-                const vfloat per = v_copysign(
-                    v_rsqrt(v_max(v_fma(m0, m0, v_fma(m1, m1, m2 * m2)), v_splat(1e-37f))),
-                    towards);
-                const vfloat qx = m0 * per, qy = m1 * per, qz = m2 * per;
+                vfloat away[3];
+                rays_away(triangles, t, wx, wy, wz, away);
+                const vfloat qx = away[0], qy = away[1], qz = away[2];
                 const vfloat scale = v_splat(params.per_cell * params.per_unit);
-                // A little before it, as surfaces lie on planes between cells.
                 volume_radiance(volume,
                                 v_fma(params.xx * hx + params.xy * hy + params.xz * hz, scale,
-                                      v_fma(qx, v_splat(-0.01f), v_splat(params.cell_x))),
+                                      v_fma(qx, v_splat(-VOLUME_BEFORE), v_splat(params.cell_x))),
                                 v_fma(params.yx * hx + params.yy * hy + params.yz * hz, scale,
-                                      v_fma(qy, v_splat(-0.01f), v_splat(params.cell_y))),
+                                      v_fma(qy, v_splat(-VOLUME_BEFORE), v_splat(params.cell_y))),
                                 v_fma(params.zx * hx + params.zy * hy + params.zz * hz, scale,
-                                      v_fma(qz, v_splat(-0.01f), v_splat(params.cell_z))),
+                                      v_fma(qz, v_splat(-VOLUME_BEFORE), v_splat(params.cell_z))),
                                 qx, qy, qz, sent);
                 ux = v_select(ux, -(params.xx * qx + params.yx * qy + params.zx * qz), hidden);
                 uy = v_select(uy, -(params.xy * qx + params.yy * qy + params.zy * qz), hidden);

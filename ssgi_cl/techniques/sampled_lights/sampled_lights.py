@@ -16,13 +16,13 @@ from ssgi_cl.core.params import Params, Prepared, param, with_fields_described
 from ssgi_cl.core.sample_views import PATTERN, interleaved, sample_views
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size
-from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
+from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA
 from ssgi_cl.device.transient import Target
 from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.techniques.bands import banded, fixed_plan
-from ssgi_cl.techniques.direct.shadow_maps import checked_lights
+from ssgi_cl.techniques.environment_light import lit_by_environments
 from ssgi_cl.techniques.filters.bilateral import Bilateral, BilateralParams
 from ssgi_cl.techniques.technique import Technique
 
@@ -269,22 +269,7 @@ def sampled_lights(
     Raises:
         TypeError, ValueError: an argument of the wrong type, or a parameter out of range.
     """
-    lights = checked_lights(lights, None)
-    if not isinstance(scene, Scene):
-        raise TypeError(f"scene is {type(scene).__name__}: expected a Scene")
-    chosen = SampledLightsParams(**params)
-    device = on_device(gbuffer, runtime)
-    if device.camera is None:
-        raise ValueError("the device G-buffer is empty: draw or upload something first")
-    runtime = device.runtime
-    technique: SampledLights = runtime.prepared(
-        (SampledLights, device.size, chosen.shape()), lambda: SampledLights(runtime, device.size, chosen)
-    )
-    with runtime.frame():
-        plane = technique.run(device, lights, scene=scene)
-        if plane is None:
-            return np.zeros((*device.size, 3), np.float32)
-        return np.ascontiguousarray(np.moveaxis(plane.download(), 0, -1))
+    return lit_by_environments(SampledLights, SampledLightsParams(**params), gbuffer, lights, scene, runtime)
 
 
 DESCRIPTOR = Technique(

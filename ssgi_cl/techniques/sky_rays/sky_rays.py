@@ -17,13 +17,13 @@ from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.vpls import LUMINANCE
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.constants import SKY_CELL, SKY_NOISE, SKY_ROWS, SKY_STRATUM
-from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
+from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, floats, ints, rotation_values
 from ssgi_cl.device.transient import Target, TransientPlane
 from ssgi_cl.rasterize.raster.scene_bvh import scene_bvh
 from ssgi_cl.techniques.bands import banded, fixed_plan
-from ssgi_cl.techniques.direct.shadow_maps import checked_lights
+from ssgi_cl.techniques.environment_light import lit_by_environments
 from ssgi_cl.techniques.filters.bilateral import BilateralParams
 from ssgi_cl.techniques.radiosity.surfels import curve_numbers
 from ssgi_cl.techniques.technique import Technique
@@ -235,22 +235,7 @@ def sky_rays(
     Raises:
         TypeError, ValueError: an argument of the wrong type, or a parameter out of range.
     """
-    lights = checked_lights(lights, None)
-    if not isinstance(scene, Scene):
-        raise TypeError(f"scene is {type(scene).__name__}: expected a Scene")
-    chosen = SkyRaysParams(**params)
-    device = on_device(gbuffer, runtime)
-    if device.camera is None:
-        raise ValueError("the device G-buffer is empty: draw or upload something first")
-    runtime = device.runtime
-    technique: SkyRays = runtime.prepared(
-        (SkyRays, device.size, chosen.shape()), lambda: SkyRays(runtime, device.size, chosen)
-    )
-    with runtime.frame():
-        plane = technique.run(device, lights, scene=scene)
-        if plane is None:
-            return np.zeros((*device.size, 3), np.float32)
-        return np.ascontiguousarray(np.moveaxis(plane.download(), 0, -1))
+    return lit_by_environments(SkyRays, SkyRaysParams(**params), gbuffer, lights, scene, runtime)
 
 
 DESCRIPTOR = Technique(

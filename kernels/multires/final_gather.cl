@@ -12,8 +12,10 @@
 //          nodes, triangles  see rays/bvh.clh
 //          volume   see radiosity/volume.clh
 //          fractions   [rows, columns] what the light counts for, see multires_interpolate
-// Writes:  values   3 x [rows, columns], W/m^2: the light is added, at the samples alone
-// Macros:  GATHER_RAYS, VOLUME_CELLS (along a side)
+// Writes:  values   3 x [rows, columns], W/m^2: the light is added, at the samples alone; with
+//                   GATHER_KEPT 4 x, where the light is written, and the mean of 1 / distance of
+//                   what rays meet, in lengths of the receivers
+// Macros:  GATHER_RAYS, VOLUME_CELLS (along a side), GATHER_KEPT (0, 1)
 // Params:  RaysParams; GatherParams: cells of the volume per unit of the hierarchy's space and
 // where
 //          its origin is in cells; length of rays; columns and rows that the tiles are moved by
@@ -26,8 +28,8 @@
 #include "rays/ends.clh"
 #include "radiosity/volume.clh"
 
-#if !defined(GATHER_RAYS) || !defined(GATHER_TILE)
-#error "the host defines GATHER_RAYS, ssgi_cl/device/constants.py GATHER_TILE, a power of two"
+#if !defined(GATHER_RAYS) || !defined(GATHER_KEPT) || !defined(GATHER_TILE)
+#error "the host defines GATHER_RAYS, GATHER_KEPT, ssgi_cl/device/constants.py GATHER_TILE, of 2"
 #endif
 
 #define GATHER_TURNS -0.5f // component z of normals below which their other directions turn
@@ -64,6 +66,10 @@ __kernel void final_gather(ssgi_plane depth, ssgi_plane normal, __global const i
         const vint tile = ((row + gather.rows_on) & (GATHER_TILE - 1)) * GATHER_TILE +
                           ((column + gather.columns_on) & (GATHER_TILE - 1));
         vfloat sum[3] = {zero, zero, zero};
+#if GATHER_KEPT
+        const vfloat per_way = v_splat(1.0f / (gather.reach * params.per_unit));
+        vfloat near = zero;
+#endif
         for (int ray = 0; ray < GATHER_RAYS; ++ray) {
             __global const float *restrict way = ways + ray * (3 * GATHER_TILE * GATHER_TILE);
             const vfloat p = v_gather(way, tile);
@@ -95,14 +101,25 @@ __kernel void final_gather(ssgi_plane depth, ssgi_plane normal, __global const i
             for (int c = 0; c < 3; ++c) {
                 sum[c] = sum[c] + v_select(zero, sent[c], met);
             }
+#if GATHER_KEPT
+            near = near + v_select(zero, per_way / v_max(hit.where, v_splat(1e-6f)), met);
+#endif
         }
         const vint to = row * ssgi_pitch(size) + column;
+#if !GATHER_KEPT
         const vfloat share = ssgi_gather(fractions, size, 0, column, row);
+#endif
         for (int c = 0; c < 3; ++c) {
             __global float *restrict image = values + ssgi_index(size, c, 0, 0);
             const vfloat value =
                 v_min(sum[c] * (3.14159265f / GATHER_RAYS), v_splat(VPL_BRIGHTEST));
+#if GATHER_KEPT
+            v_scatter(value, image, to);
+        }
+        v_scatter(near * (1.0f / GATHER_RAYS), values + ssgi_index(size, 3, 0, 0), to);
+#else
             v_scatter(v_fma(share, value, v_gather(image, to)), image, to);
         }
+#endif
     }
 }

@@ -69,7 +69,7 @@ class WholeFrameParams(Params):
     vpls: int = param(4096, "virtual point lights for the first bounce of punctual lights", low=16, high=1 << 16)
     surfels: int = param(2048, "surface elements that carry all other light", low=16, high=1 << 14)
     rays: int = param(
-        100,
+        64,
         "over the hemisphere of each point at which light of surfels is gathered, the largest square up to it; in "
         "scenes of up to 65,536 triangles without holes",
         low=4,
@@ -92,12 +92,12 @@ class WholeFrameParams(Params):
     @classmethod
     def low(cls, bounces: Bounces = "all") -> WholeFrameParams:
         """Return the fastest preset."""
-        return cls(vpls=1024, surfels=512, rays=36, directions=64, error=0.2, bounces=bounces)
+        return cls(vpls=1024, surfels=512, rays=25, directions=64, error=0.2, bounces=bounces)
 
     @classmethod
     def medium(cls, bounces: Bounces = "all") -> WholeFrameParams:
         """Return the preset between `low` and `high`."""
-        return cls(vpls=2048, surfels=1024, rays=64, bounces=bounces)
+        return cls(vpls=2048, surfels=1024, rays=36, bounces=bounces)
 
     @classmethod
     def high(cls, bounces: Bounces = "all") -> WholeFrameParams:

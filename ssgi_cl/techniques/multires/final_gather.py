@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.arrays import Plane
 from ssgi_cl.device.constants import GATHER_TILE
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats, ints
@@ -27,6 +29,8 @@ REACH = 1.01
 SEED = 7
 PLACES = 16
 """Places along a pixel's side that differ in their rays."""
+FOUND = 4
+"""Images of what rays find at points that are smoothed: irradiance, and the mean of 1 / distance."""
 
 
 def gather_ways(rays: int) -> NDArray[np.float32]:
@@ -80,6 +84,7 @@ class FinalGather:
         self._count = math.isqrt(rays) ** 2
         self._ways = runtime.array(gather_ways(rays))
         self._volume: LightVolume | None = None
+        self._found: Plane | None = None
         self._sent = runtime.empty(CELLS**3 * FACES * 4, np.float32)
 
     def enter(self, scene: Scene, volume: LightVolume, camera: Camera) -> None:
@@ -102,33 +107,51 @@ class FinalGather:
         )
 
     def shine(self, level: Level, rays: SceneRays, per_unit: float) -> None:
-        """Queue the pass that adds shares of the irradiance of a level's points to its values.
+        """Queue the passes that add shares of the irradiance of a level's points to its values.
+
+        What is found at points of the coarsest level, most of which stand for many pixels, is smoothed by a line
+        fitted to neighbours (kernels/multires/gather_smooth.cl), unless all pixels are such points.
 
         Args:
             level: of the points.
             rays: through the scene, from view space in units of which scene units have `per_unit`.
             per_unit: see `rays`.
         """
+        kept = level.number == 0 and level.step > 1
+        if kept and (self._found is None or self._found.size != level.size):
+            self._found = self.runtime.plane(FOUND, level.size)
+        values = self._found if kept else level.values
+        self._run(
+            level,
+            "multires/final_gather.cl",
+            {"GATHER_RAYS": self._count, "VOLUME_CELLS": CELLS, "GATHER_KEPT": int(kept)},
+            (SCENE_RAYS, GATHER),
+            per_unit,
+            ways=self._ways,
+            **rays.arguments,
+            volume=self._sent,
+            values=values,
+            gather=self._params,
+        )
+        if kept:
+            self._run(level, "multires/gather_smooth.cl", {}, (), per_unit, found=self._found, values=level.values)
+
+    def _run(
+        self, level: Level, name: str, macros: dict[str, int], structs: tuple[Struct, ...], per_unit: float, **more: Any
+    ) -> None:
+        """Queue a kernel that takes the points on a level's list."""
         runtime, source = self.runtime, level.source
         is_gpu = runtime.info.kind == "gpu"
         items = 1 << 30 if is_gpu else CPU_ITEMS * runtime.device.max_compute_units
-        runtime.kernel(
-            "multires/final_gather.cl",
-            {"GATHER_RAYS": self._count, "VOLUME_CELLS": CELLS},
-            (CAMERA, VPL, SCENE_RAYS, GATHER),
-        ).run(
+        runtime.kernel(name, macros, (CAMERA, VPL, *structs)).run(
             source.size,
             grid=(1, min(-(-level.most // runtime.variant.lanes), items)),
             local=(1, 64 if is_gpu else 1),
             depth=source.depth,
             normal=source.normal,
             list=level.list,
-            ways=self._ways,
-            **rays.arguments,
-            volume=self._sent,
             fractions=level.fractions,
-            values=level.values,
             camera=source.camera_struct,
             params=packed_params({"per_unit": per_unit}, source.margin),
-            gather=self._params,
+            **more,
         )

@@ -9,10 +9,9 @@
 //          lights     [lights][SURFEL_RECORD] as in vpl/light.clh, in the space of the surfels
 //          numbers    [groups of FIRST_GROUP surfels][size.y] lights, -1 past the last of a group
 //          weights    [groups][size.y] what each of them counts
-//          occupancy, grid_box  see occupancy/grid.clh; SURFEL_RAYS 0
-//          nodes, triangles  see rays/bvh.clh; SURFEL_RAYS 1
+//          occupancy, grid_box  see occupancy/grid.clh
 // Writes:  values     3 x [size.x] irradiance over that of the brightest source
-// Macros:  OCCUPANCY_CELLS, SURFEL_RAYS (0: rays through the grid; 1: against triangles)
+// Macros:  OCCUPANCY_CELLS
 // Params:  gain       such irradiance of a flux and square length of 1
 // Launch:  SSGI_LANES surfels per work-item, one row
 // Cost:    20 operations and a division per pair, and a ray, some 20 reads, if they face each other
@@ -26,18 +25,11 @@
 
 #define FIRST_BLOCK 64 // lights summed before they are added to the sum: float32 rounds less so
 
-__kernel void radiosity_first(__global const float *restrict surfels,
-                              __global const float *restrict lights,
-                              __global const int *restrict numbers,
-                              __global const float *restrict weights,
-#if SURFEL_RAYS
-                              __global const float *restrict nodes,
-                              __global const float *restrict triangles, const RaysParams rays,
-#else
-                              __global const int *restrict occupancy,
-                              __global const float *restrict grid_box,
-#endif
-                              __global float *restrict values, const int2 size, const float gain)
+__kernel void
+radiosity_first(__global const float *restrict surfels, __global const float *restrict lights,
+                __global const int *restrict numbers, __global const float *restrict weights,
+                __global const int *restrict occupancy, __global const float *restrict grid_box,
+                __global float *restrict values, const int2 size, const float gain)
 {
     const int first = ssgi_first_column();
     const int stride = size.x;
@@ -45,11 +37,7 @@ __kernel void radiosity_first(__global const float *restrict surfels,
         return;
     }
     const SurfelReceiver at = surfel_receivers(surfels, stride, first);
-#if SURFEL_RAYS
-    const SurfelEnd start = surfel_starts(at, rays);
-#else
     const OccupancyCell start = surfel_starts(surfels, stride, first);
-#endif
     const vfloat zero = v_splat(0.0f);
     vfloat sum[3] = {zero, zero, zero};
     __global const int *restrict own_numbers = numbers + first / FIRST_GROUP * size.y;
@@ -63,13 +51,8 @@ __kernel void radiosity_first(__global const float *restrict surfels,
             if (!v_any(lit)) {
                 continue;
             }
-#if SURFEL_RAYS
-            const SurfelEnd end = rays_light(light, rays);
-            const vmask seen = lit & ~rays_hidden(nodes, triangles, start, end, lit);
-#else
             const OccupancyCell end = occupancy_end(light, light + 4, grid_box);
             const vmask seen = lit & ~occupancy_blocked(occupancy, start, end, lit);
-#endif
             const vfloat own = v_select(zero, w, seen);
             for (int j = 0; j < 3; ++j) {
                 part[j] = v_fma(own, v_splat(light[8 + j]), part[j]);

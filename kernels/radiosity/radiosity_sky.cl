@@ -15,6 +15,11 @@
 
 #include "common/gbuffer.clh"
 #include "radiosity/ends.clh"
+#include "rays/ends.clh"
+
+#ifndef SURFEL_RAYS
+#error "SURFEL_RAYS must be defined by the host"
+#endif
 
 #if SURFEL_RAYS
 #define SKY_FAR 8.0f // more than from any surfel out of the scene, in the lengths of positions
@@ -43,7 +48,8 @@ __kernel void radiosity_sky(__global const float *restrict surfels,
         return;
     }
 #if SURFEL_RAYS
-    const SurfelEnd start = surfel_starts(surfel_receivers(surfels, stride, first), rays);
+    const SurfelReceiver at = surfel_receivers(surfels, stride, first);
+    const RaysEnd start = rays_end(at.x, at.y, at.z, at.nx, at.ny, at.nz, rays);
 #else
     const OccupancyCell start = surfel_starts(surfels, stride, first);
 #endif
@@ -59,10 +65,10 @@ __kernel void radiosity_sky(__global const float *restrict surfels,
             continue;
         }
 #if SURFEL_RAYS
-        const SurfelEnd end = rays_end(v_fma(v_splat(way[0]), v_splat(SKY_FAR), start.px),
-                                       v_fma(v_splat(way[1]), v_splat(SKY_FAR), start.py),
-                                       v_fma(v_splat(way[2]), v_splat(SKY_FAR), start.pz),
-                                       v_splat(-way[0]), v_splat(-way[1]), v_splat(-way[2]), rays);
+        const RaysEnd end = rays_end(v_fma(v_splat(way[0]), v_splat(SKY_FAR), start.px),
+                                     v_fma(v_splat(way[1]), v_splat(SKY_FAR), start.py),
+                                     v_fma(v_splat(way[2]), v_splat(SKY_FAR), start.pz),
+                                     v_splat(-way[0]), v_splat(-way[1]), v_splat(-way[2]), rays);
         const vmask seen = wanted & ~rays_hidden(nodes, triangles, start, end, wanted);
 #else
         const vfloat length = v_min(v_min(sky_leave(start.x, way[0]), sky_leave(start.y, way[1])),

@@ -6,10 +6,9 @@
 //
 // Reads:   surfels    see surfel.clh
 //          records    [size.x][SURFEL_RECORD] position, area, minus the normal, 0, flux, 0
-//          occupancy  see occupancy/grid.clh; SURFEL_RAYS 0
-//          nodes, triangles  see rays/bvh.clh; SURFEL_RAYS 1
+//          occupancy  see occupancy/grid.clh
 // Writes:  visible    [size.y][size.x]: bit n of word w is 1 where surfel 32 w + n is visible
-// Macros:  OCCUPANCY_CELLS, SURFEL_RAYS (0: rays through the grid; 1: against triangles)
+// Macros:  OCCUPANCY_CELLS
 // Launch:  SSGI_LANES surfels per work-item, a row for each 32 surfels that they may see
 // Cost:    16 operations and a division per pair, and some 20 reads per ray
 
@@ -18,12 +17,7 @@
 
 __kernel void radiosity_visibility(__global const float *restrict surfels,
                                    __global const float *restrict records,
-#if SURFEL_RAYS
-                                   __global const float *restrict nodes,
-                                   __global const float *restrict triangles, const RaysParams rays,
-#else
                                    __global const int *restrict occupancy,
-#endif
                                    __global int *restrict visible, const int2 size)
 {
     const int first = ssgi_first_column();
@@ -33,24 +27,15 @@ __kernel void radiosity_visibility(__global const float *restrict surfels,
         return;
     }
     const SurfelReceiver at = surfel_receivers(surfels, stride, first);
-#if SURFEL_RAYS
-    const SurfelEnd start = surfel_starts(at, rays);
-#else
     const OccupancyCell start = surfel_starts(surfels, stride, first);
-#endif
     vint bits = v_splat_int(0);
     for (int n = 0; n < 32; ++n) {
         const int sender = word * 32 + n;
         const vfloat w = surfel_weight(records + sender * SURFEL_RECORD, at);
         const vmask wanted = v_gt(w, v_splat(0.0f));
         if (v_any(wanted)) {
-#if SURFEL_RAYS
-            const SurfelEnd end = rays_light(records + sender * SURFEL_RECORD, rays);
-            const vmask blocked = rays_hidden(nodes, triangles, start, end, wanted);
-#else
             const OccupancyCell end = surfel_start(surfels, stride, sender);
             const vmask blocked = occupancy_blocked(occupancy, start, end, wanted);
-#endif
             bits = bits | (wanted & ~blocked & v_splat_int((int)(1u << n)));
         }
     }

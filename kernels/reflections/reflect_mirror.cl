@@ -7,13 +7,13 @@
 // Reads:   linear, normal, albedo, specular, gloss  with margin
 //          radiance  3 x [rows, columns] W m^-2 sr^-1, without lobes
 //          light     3 x [rows, columns] irradiance / pi
-//          sky, places  see sky.clh; volume  see radiosity/volume.clh
+//          sky, places  see sky.clh; cells, volume  see radiosity/volume.clh
 //          nodes, triangles  see rays/bvh.clh
 //          surfaces  [triangles, 8] emission, W m^-2 sr^-1; 1 where there is any; specular
 //                    reflectance of smooth ones, otherwise 0; the share of what one sends that is
 //                    matt
 // Writes:  reflected 3 x [rows, columns] W m^-2 sr^-1, of smooth surfaces alone
-// Macros:  REFLECT_RAYS (of a pixel), VOLUME_CELLS (of the volume, along a side)
+// Macros:  REFLECT_RAYS (of a pixel)
 // Params:  view to world rotation, the eye relative to the scene's origin, margin, see the struct
 // Launch:  SSGI_LANES pixels of a row per work-item
 
@@ -23,8 +23,8 @@
 #include "reflections/sky.clh"
 #include "radiosity/volume.clh"
 
-#if !defined(REFLECT_RAYS) || !defined(VOLUME_CELLS)
-#error "REFLECT_RAYS and VOLUME_CELLS must be defined by the host"
+#ifndef REFLECT_RAYS
+#error "REFLECT_RAYS must be defined by the host"
 #endif
 
 #define REFLECT_LIFT 0.0625f // widths of a pixel off the surface at which rays start
@@ -35,10 +35,10 @@ __kernel void
 reflect_mirror(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo, ssgi_plane specular,
                ssgi_plane gloss, ssgi_plane radiance, ssgi_plane light,
                __global const float *restrict sky, __global const int *restrict places,
-               __global const float *restrict volume, __global const float *restrict nodes,
-               __global const float *restrict triangles, __global const float *restrict surfaces,
-               __global float *restrict reflected, const int2 size, const SsgiCamera camera,
-               const ReflectParams params)
+               __global const int *restrict cells, __global const float *restrict volume,
+               __global const float *restrict nodes, __global const float *restrict triangles,
+               __global const float *restrict surfaces, __global float *restrict reflected,
+               const int2 size, const SsgiCamera camera, const ReflectParams params)
 {
     const int x = ssgi_first_column();
     const int y = (int)get_global_id(1);
@@ -147,20 +147,21 @@ reflect_mirror(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo, ssgi_pla
                 rays_away(triangles, t, wx, wy, wz, away);
                 const vfloat qx = away[0], qy = away[1], qz = away[2];
                 const vfloat scale = v_splat(params.per_cell * params.per_unit);
-                volume_radiance(volume,
-                                v_fma(params.xx * hx + params.xy * hy + params.xz * hz, scale,
-                                      v_fma(qx, v_splat(-VOLUME_BEFORE), v_splat(params.cell_x))),
-                                v_fma(params.yx * hx + params.yy * hy + params.yz * hz, scale,
-                                      v_fma(qy, v_splat(-VOLUME_BEFORE), v_splat(params.cell_y))),
-                                v_fma(params.zx * hx + params.zy * hy + params.zz * hz, scale,
-                                      v_fma(qz, v_splat(-VOLUME_BEFORE), v_splat(params.cell_z))),
-                                qx, qy, qz, sent);
+                const VolumePlace place =
+                    volume_surface(cells, volume,
+                                   v_fma(params.xx * hx + params.xy * hy + params.xz * hz, scale,
+                                         v_splat(params.cell_x)),
+                                   v_fma(params.yx * hx + params.yy * hy + params.yz * hz, scale,
+                                         v_splat(params.cell_y)),
+                                   v_fma(params.zx * hx + params.zy * hy + params.zz * hz, scale,
+                                         v_splat(params.cell_z)),
+                                   qx, qy, qz);
                 ux = v_select(ux, -(params.xx * qx + params.yx * qy + params.zx * qz), hidden);
                 uy = v_select(uy, -(params.xy * qx + params.yy * qy + params.zy * qz), hidden);
                 uz = v_select(uz, -(params.xz * qx + params.yz * qy + params.zz * qz), hidden);
                 const vfloat matt = v_select(v_splat(1.0f), v_gather(surfaces, own + 7), smooth);
                 for (int c = 0; c < 3; ++c) {
-                    sent[c] = sent[c] * matt;
+                    sent[c] = volume_radiance(volume, place, c) * matt;
                 }
                 glows = hidden & v_gt(v_gather(surfaces, own + 3), zero);
             }

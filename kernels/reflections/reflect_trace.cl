@@ -9,12 +9,11 @@
 // Reads:   linear, normal, albedo, specular, gloss  with margin
 //          radiance  3 x [rows, columns] W m^-2 sr^-1, without lobes
 //          light     3 x [rows, columns] irradiance / pi
-//          sky, places  see sky.clh; volume  see radiosity/volume.clh
+//          sky, places  see sky.clh; cells, volume  see radiosity/volume.clh
 //          occupancy, grid_box  see occupancy/grid.clh
 // Writes:  reflected 3 x [rows, columns] W m^-2 sr^-1; 0 where nothing is glossy
 // Macros:  REFLECT_RAYS (of a pixel), REFLECT_STEPS (of a ray on the screen, at most),
-//          VOLUME_CELLS (of the volume, along a side), OCCUPANCY_CELLS,
-//          REFLECT_MIRRORS (0, 1: smooth surfaces are left to reflect_mirror)
+//          OCCUPANCY_CELLS, REFLECT_MIRRORS (0, 1: smooth surfaces are left to reflect_mirror)
 // Params:  view to world rotation, margin, see the struct
 // Launch:  SSGI_LANES pixels of a row per work-item
 
@@ -25,9 +24,8 @@
 #include "radiosity/volume.clh"
 #include "occupancy/grid.clh"
 
-#if !defined(REFLECT_RAYS) || !defined(REFLECT_STEPS) || !defined(VOLUME_CELLS) ||                 \
-    !defined(REFLECT_MIRRORS)
-#error "REFLECT_RAYS, REFLECT_STEPS, VOLUME_CELLS and REFLECT_MIRRORS must be defined by the host"
+#if !defined(REFLECT_RAYS) || !defined(REFLECT_STEPS) || !defined(REFLECT_MIRRORS)
+#error "REFLECT_RAYS, REFLECT_STEPS and REFLECT_MIRRORS must be defined by the host"
 #endif
 
 #define REFLECT_ASIDE 1.0f // cells between two rays that both must leave the grid
@@ -65,13 +63,15 @@ static inline vmask reflect_blocked(__global const int *restrict occupancy,
     return occupancy_meets(occupancy, from, to, wanted, where);
 }
 
-__kernel void
-reflect_trace(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo, ssgi_plane specular,
-              ssgi_plane gloss, ssgi_plane radiance, ssgi_plane light,
-              __global const float *restrict sky, __global const int *restrict places,
-              __global const float *restrict volume, __global const int *restrict occupancy,
-              __global const float *restrict grid_box, __global float *restrict reflected,
-              const int2 size, const SsgiCamera camera, const ReflectParams params)
+__kernel void reflect_trace(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo,
+                            ssgi_plane specular, ssgi_plane gloss, ssgi_plane radiance,
+                            ssgi_plane light, __global const float *restrict sky,
+                            __global const int *restrict places, __global const int *restrict cells,
+                            __global const float *restrict volume,
+                            __global const int *restrict occupancy,
+                            __global const float *restrict grid_box,
+                            __global float *restrict reflected, const int2 size,
+                            const SsgiCamera camera, const ReflectParams params)
 {
     const int x = ssgi_first_column();
     const int y = (int)get_global_id(1);
@@ -170,11 +170,15 @@ reflect_trace(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo, ssgi_plan
                 const vfloat jx = reflect_fraction(number * 0.3819660f) - 0.5f;
                 const vfloat jy = reflect_fraction(number * 0.7236068f) - 0.5f;
                 const vfloat jz = reflect_fraction(number * 0.1458980f) - 0.5f;
-                volume_radiance(
-                    volume, params.xx * gx + params.xy * gy + params.xz * gz + params.cell_x + jx,
+                const VolumePlace place = volume_place(
+                    cells, volume,
+                    params.xx * gx + params.xy * gy + params.xz * gz + params.cell_x + jx,
                     params.yx * gx + params.yy * gy + params.yz * gz + params.cell_y + jy,
                     params.zx * gx + params.zy * gy + params.zz * gz + params.cell_z + jz, wx, wy,
-                    wz, sent);
+                    wz);
+                for (int c = 0; c < 3; ++c) {
+                    sent[c] = volume_radiance(volume, place, c);
+                }
             }
             if (params.levels > 0 && v_any(escapes)) {
                 const vfloat density =

@@ -11,7 +11,7 @@ from ssgi_cl.techniques.multires.multires_splat import MultiresSplat, MultiresSp
 from ssgi_cl.techniques.occupancy.occupancy_grid import MOST_CELLS, Occupancy
 from ssgi_cl.techniques.occupancy.scene_rays import rays_meet_triangles
 
-SURFEL_CAPACITY = 2
+SURFEL_CAPACITY = 3
 """Most lights that radiosity returns, as a multiple of the surfels asked for."""
 
 

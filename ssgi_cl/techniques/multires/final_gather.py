@@ -6,54 +6,28 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.hemisphere import TILE, hemisphere_ways
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.arrays import Plane
-from ssgi_cl.device.constants import GATHER_TILE
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats, ints
 from ssgi_cl.techniques.multires.multires_grid import Level
 from ssgi_cl.techniques.occupancy.scene_rays import SCENE_RAYS, SceneRays
-from ssgi_cl.techniques.radiosity.light_volume import CELLS, FACES, LightVolume
+from ssgi_cl.techniques.radiosity.light_volume import LightVolume, device_volume
 from ssgi_cl.techniques.vpl.packed_vpls import VPL, packed_params
 from ssgi_cl.techniques.vpl.vpl_tree import CPU_ITEMS
 
 GATHER = Struct(
     "GatherParams", (*floats("per_cell", "cell_x", "cell_y", "cell_z", "reach"), *ints("columns_on", "rows_on"))
 )
-TILE = GATHER_TILE
 REACH = 1.01
 """Length of rays, in diagonals of the scene's box."""
-SEED = 7
 PLACES = 16
 """Places along a pixel's side that differ in their rays."""
 FOUND = 4
 """Images of what rays find at points that are smoothed: irradiance, and the mean of 1 / distance."""
-
-
-def gather_ways(rays: int) -> NDArray[np.float32]:
-    """Return [n, 3, TILE^2] directions of unit length, z up, in proportion to the cosine.
-
-    n is the largest square up to `rays`. Those of one of the TILE^2 points of a tile are jittered within n strata of
-    equal weight; those of all points together lie one in each of n TILE^2 strata. Shirley and Chiu 1997, "A Low
-    Distortion Map Between Disk and Square".
-    """
-    side, random = math.isqrt(rays), np.random.default_rng(SEED)
-    row, column = np.divmod(np.arange(side * side), side)
-    within = np.stack([random.permutation(TILE * TILE) for _ in row])
-    down, right = np.divmod(within, TILE)
-    x, y = (
-        2.0 * (stratum[:, None] + (part + random.random(within.shape)) / TILE) / side - 1.0
-        for stratum, part in ((column, right), (row, down))
-    )
-    wide = np.abs(x) > np.abs(y)
-    radius, other = np.where(wide, x, y), np.where(wide, y, x)
-    turn = math.pi / 4.0 * other / np.where(radius == 0.0, 1.0, radius)
-    angle = np.where(wide, turn, math.pi / 2.0 - turn)
-    u, v = radius * np.cos(angle), radius * np.sin(angle)
-    return np.stack([u, v, np.sqrt(np.maximum(1.0 - radius * radius, 0.0))], axis=1).astype(np.float32)
 
 
 def tile_turn(camera: Camera) -> tuple[int, int]:
@@ -82,16 +56,16 @@ class FinalGather:
     def __init__(self, runtime: Runtime, rays: int) -> None:
         self.runtime = runtime
         self._count = math.isqrt(rays) ** 2
-        self._ways = runtime.array(gather_ways(rays))
+        self._ways = runtime.array(hemisphere_ways(rays))
         self._volume: LightVolume | None = None
         self._found: Plane | None = None
-        self._sent = runtime.empty(CELLS**3 * FACES * 4, np.float32)
+        self._cells = self._records = runtime.array(np.zeros(1, np.float32))
 
     def enter(self, scene: Scene, volume: LightVolume, camera: Camera) -> None:
         """Upload the light of a scene's surfaces, unless it is that of the latest call."""
         if volume is not self._volume:
             self._volume = volume
-            self._sent.upload(volume.packed.ravel())
+            self._cells, self._records = device_volume(self.runtime, volume)
         x, y, z = ((np.asarray(scene.origin) - volume.low) / volume.side).tolist()
         columns_on, rows_on = tile_turn(camera)
         self._params = GATHER.pack(
@@ -124,12 +98,13 @@ class FinalGather:
         self._run(
             level,
             "multires/final_gather.cl",
-            {"GATHER_RAYS": self._count, "VOLUME_CELLS": CELLS, "GATHER_KEPT": int(kept)},
+            {"GATHER_RAYS": self._count, "GATHER_KEPT": int(kept)},
             (SCENE_RAYS, GATHER),
             per_unit,
             ways=self._ways,
             **rays.arguments,
-            volume=self._sent,
+            cells=self._cells,
+            volume=self._records,
             values=values,
             gather=self._params,
         )

@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ssgi_cl.core.vpls import LUMINANCE, PARTS, Vpls
-from ssgi_cl.techniques.radiosity.light_volume import LightVolume, SentLight
+from ssgi_cl.techniques.radiosity.light_volume import LightVolume
 from ssgi_cl.techniques.vpl.world_vpls import WorldVpls
 
 EVEN = 2.0
@@ -24,19 +25,23 @@ class EvenLight(NamedTuple):
     """What some send beyond it; None where none does."""
 
 
-def even_and_bright(vpls: Vpls) -> tuple[SentLight, Vpls]:
-    """Return what the parts of lights send up to an exitance of `EVEN` means of all, and lights that send the rest.
+def even_and_bright(vpls: Vpls, hidden: NDArray[np.bool_] | None = None) -> tuple[NDArray[np.float64], Vpls]:
+    """Return the flux [parts, 3] that the parts of lights send up to an exitance of `EVEN` means of all, and lights
+    that send the rest.
 
-    Both have the colours of the light given, of which they are the sum.
+    Both have the colours of the light given, of which they are the sum. Those `hidden` [parts] are even whatever they
+    send.
     """
     parts = vpls.parts
     assert parts is not None  # noqa: S101  those of surfels have some
     luminance = parts.flux @ LUMINANCE
     most = EVEN * luminance.sum() / max(float(parts.area.sum()), 1e-300) * parts.area
     even = parts.flux * np.minimum(1.0, most / np.maximum(luminance, 1e-300))[:, None]
+    if hidden is not None:
+        even[hidden] = parts.flux[hidden]
     rest = (parts.flux - even).reshape(-1, PARTS, 3)
     chosen = rest.any(axis=(1, 2))
     own = np.repeat(chosen, PARTS)
     few = Vpls(parts.position[own], parts.normal[own], rest[chosen].reshape(-1, 3), parts.area[own])
     bright = Vpls(vpls.position[chosen], vpls.normal[chosen], rest[chosen].sum(axis=1), vpls.area[chosen], few)
-    return SentLight(parts.position, parts.normal, parts.area, even), bright
+    return even, bright

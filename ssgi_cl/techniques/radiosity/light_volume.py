@@ -3,129 +3,189 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.device.arrays import DeviceArray
+from ssgi_cl.device.constants import VOLUME_CELLS
+from ssgi_cl.device.runtime import Runtime
+
 Doubles = NDArray[np.float64]
 
-CELLS = 32
-"""Cells along a side of the volume."""
+CELLS = VOLUME_CELLS
 FAINT = 1e-3
-"""Area that surfaces from another cell are given in an empty one, in sides of a cell squared."""
+"""Area that surfaces from another cell are given in one that has none, in sides of a cell squared."""
 BRIGHTEST = 1e30
 """W m^-2 sr^-1: more counts as this."""
-NEAR = 2.5
-"""Cells within which surfaces that no light reaches give way to lit ones."""
+NEAR = 5.0
+"""Cells within which surfaces that no light reaches give way to lit ones, as cells are thicker than some walls."""
 FACES = 6
 """Directions that surfaces of a cell face: +x, -x, +y, -y, +z, -z."""
 
 
 @dataclass(frozen=True, eq=False)
-class SentLight:
-    """Light that pieces of surfaces send, on the side of their normals.
+class Pieces:
+    """Pieces of surfaces, each on the side of its normal.
 
     Attributes:
         position: [count, 3] float64, scene units.
         normal: [count, 3], unit length.
         area: [count], scene units squared.
-        flux: [count, 3], W.
     """
 
     position: Doubles
     normal: Doubles
     area: Doubles
-    flux: Doubles
 
     @classmethod
-    def none(cls) -> SentLight:
+    def none(cls) -> Pieces:
         """Return no piece."""
-        return cls(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3)))
+        return cls(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
 
 
 @dataclass(frozen=True, eq=False)
 class LightVolume:
     """Mean radiance of the surfaces in cells of a cube, by the six sides that they face.
 
-    A ray takes the mean of the three sides that it sees, weighted by how large the surfaces that
-    face them appear to it. Where a cell has no surface that faces a side, the nearest that has
-    counts, as if it were `FAINT` of the cell's side.
+    A ray takes the mean of the three sides that it sees, weighted by how large the surfaces that face them appear to
+    it.
 
     Attributes:
-        light: what surfaces send; its pieces stand for all of them.
+        cells: [CELLS by z, CELLS by y, CELLS by x] int32: the number of a record.
+        records: [count, FACES, 4] float32: radiance, W m^-2 sr^-1, and area, in sides of cells squared.
         low: [3] float64, the corner of least coordinates of the cube, scene units.
         extent: of its side, scene units.
-        also: what some of the same surfaces send besides.
-        unlit: pieces of surfaces that no light reaches: black where no other within `NEAR` faces the same way, as
-            cells are thicker than some walls.
     """
 
-    light: SentLight
+    cells: NDArray[np.int32]
+    records: NDArray[np.float32]
     low: Doubles
     extent: float
-    also: SentLight | None = None
-    unlit: SentLight | None = None
 
     @property
     def side(self) -> float:
         """Side of a cell, scene units."""
         return self.extent / CELLS
 
-    @property
-    def radiance(self) -> Doubles:
-        """[CELLS by z, CELLS by y, CELLS by x, FACES, 3] float64, W m^-2 sr^-1."""
-        return self._sides[0]
 
-    @property
-    def area(self) -> Doubles:
-        """[CELLS, CELLS, CELLS, FACES] float64, in sides of cells squared."""
-        return self._sides[1]
+def device_volume(runtime: Runtime, volume: LightVolume) -> tuple[DeviceArray, DeviceArray]:
+    """Return the cells and records of a volume in device memory, as kernels/radiosity/volume.clh reads them."""
+    return runtime.array(volume.cells.ravel()), runtime.array(volume.records.ravel())
 
-    @property
-    def packed(self) -> NDArray[np.float32]:
-        """[CELLS, CELLS, CELLS, FACES, 4] float32: radiance and area, as kernels/radiosity/volume.clh reads them."""
-        return np.concatenate([np.minimum(self.radiance, BRIGHTEST), self.area[..., None]], axis=-1, dtype=np.float32)
 
-    @cached_property
-    def _sides(self) -> tuple[Doubles, Doubles]:
-        """Radiance and area, computed when they are first asked for."""
+class SurfaceCells:
+    """The cells of a cube that surfaces lie in, and which sides they face there.
+
+    Where a cell has no surface that faces a side, the nearest that has counts, as if it were `FAINT` of the cell's
+    side.
+
+    Args:
+        lit: pieces that stand for all surfaces that light reaches.
+        low, extent: of the cube, see `LightVolume`.
+        unlit: of surfaces that no light reaches: black where no other within `NEAR` faces the same way.
+        shown: [lit pieces] what each counts for its cell, 0 to 1: the part of its hemisphere that is open to beyond the
+            cell. Rays from afar come to a piece in that proportion, seldom into a gap.
+    """
+
+    def __init__(
+        self, lit: Pieces, low: Doubles, extent: float, unlit: Pieces | None = None, shown: Doubles | None = None
+    ) -> None:
         from scipy import ndimage  # takes a fifth of a second, which other commands do without
 
-        sums = [_sums(each, self.low, self.side) for each in (self.light, self.also) if each is not None]
-        black = None if self.unlit is None else _sums(self.unlit, self.low, self.side)[..., 3]
+        self.low, self.extent = low, extent
+        self._shown = np.ones(len(lit.area)) if shown is None else shown
+        dark = Pieces.none() if unlit is None else unlit
         shape = (CELLS, CELLS, CELLS)
-        radiance, faces = np.zeros((*shape, FACES, 3)), np.full((*shape, FACES), FAINT)
+        own, others = self._cell(lit.position), self._cell(dark.position)
+        there = np.zeros(CELLS**3, np.bool_)
+        there[own] = there[others] = True
+        there[0] |= not there.any()
+        place = np.flatnonzero(there)
+        number = np.cumsum(there) - 1
+        nearest = ndimage.distance_transform_edt(
+            ~there.reshape(shape), return_distances=False, return_indices=True
+        ).reshape(3, -1)
+        self.cells = number[np.ravel_multi_index(tuple(nearest), shape)].astype(np.int32).reshape(shape)
+        self._slots = _Slots.of(number[own], lit.normal)
+        black = _Slots.of(number[others], dark.normal).sums(dark.area, len(place))
+        area = self._slots.sums(lit.area * self._shown, len(place))
+        self._near = np.tile(np.arange(len(place))[:, None], FACES)
         for face in range(FACES):
-            area = sums[0][face, :, 3]
-            known = (area > 1e-6 * area.max(initial=0.0)).reshape(shape)
-            if black is not None and black[face].any():
-                away = ndimage.distance_transform_edt(~known) if known.any() else np.full(shape, np.inf)
-                alone = (away > NEAR) & (black[face] > 0.0).reshape(shape)
-                area = np.where(alone.ravel(), black[face], area)
-                known |= alone
-            if not known.any():
+            known = area[:, face] > 1e-6 * area[:, face].max(initial=0.0)
+            area[~known, face] = 0.0
+            if known.all():
                 continue
-            mean = np.zeros((CELLS**3, 3))
-            for each in sums:
-                # Pieces are few: those of some surfaces may have missed a cell that others lie in.
-                over = np.maximum(area, each[face, :, 3])
-                mean += each[face, :, :3] / (np.pi * np.maximum(over, 1e-300))[:, None]
-            nearest = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
-            radiance[..., face, :] = mean.reshape(*shape, 3)[tuple(nearest)]
-            faces[known, face] = area.reshape(shape)[known] / self.side**2
-        return radiance, np.maximum(faces, FAINT)
+            away, nearest = self._nearest(place, known)
+            alone = (away > NEAR) & (black[:, face] > 0.0)
+            area[alone, face] = black[alone, face]
+            given = ~known & ~alone & np.isfinite(away)
+            self._near[given, face] = number[nearest[given]]
+        self._area = area
+        self.area = np.maximum(area / self.side**2, FAINT)
+
+    @property
+    def side(self) -> float:
+        """Side of a cell, scene units."""
+        return self.extent / CELLS
+
+    def light(self, flux: Doubles, also: tuple[Pieces, Doubles] | None = None) -> LightVolume:
+        """Return the light that surfaces send.
+
+        Args:
+            flux: [lit pieces, 3] W, that they send on their sides.
+            also: pieces of some of the same surfaces, and what these send besides, [n, 3] W.
+        """
+        count = len(self.area)
+        radiance = np.zeros((count, FACES, 3))
+        given = [(self._slots, flux * self._shown[:, None], self._area)]
+        if also is not None:
+            pieces, sent = also
+            slots = _Slots.of(self.cells.ravel()[self._cell(pieces.position)], pieces.normal)
+            # Pieces are few: those of some surfaces may have missed a cell that others lie in.
+            given.append((slots, sent, np.maximum(self._area, slots.sums(pieces.area, count))))
+        for slots, sent, area in given:
+            over = np.pi * np.where(area > 0.0, area, np.inf)
+            for channel in range(3):
+                radiance[..., channel] += slots.sums(sent[:, channel], count) / over
+        radiance = np.take_along_axis(radiance, self._near[..., None], 0)
+        records = np.concatenate([np.minimum(radiance, BRIGHTEST), self.area[..., None]], axis=-1, dtype=np.float32)
+        return LightVolume(self.cells, records, self.low, self.extent)
+
+    def _cell(self, position: Doubles) -> NDArray[np.intp]:
+        x, y, z = np.clip(((position - self.low) / self.side).astype(np.intp), 0, CELLS - 1).T
+        found: NDArray[np.intp] = (z * CELLS + y) * CELLS + x
+        return found
+
+    @staticmethod
+    def _nearest(place: NDArray[np.intp], known: NDArray[np.bool_]) -> tuple[Doubles, NDArray[np.intp]]:
+        """Return [records] how many cells away the nearest is that is known, infinite where none is, and its cell."""
+        from scipy import ndimage
+
+        if not known.any():
+            return np.full(len(place), np.inf), place
+        shape = (CELLS, CELLS, CELLS)
+        grid = np.ones(CELLS**3, np.bool_)
+        grid[place[known]] = False
+        away, found = ndimage.distance_transform_edt(grid.reshape(shape), return_indices=True)
+        return away.ravel()[place], np.ravel_multi_index(tuple(found.reshape(3, -1)[:, place]), shape)
 
 
-def _sums(light: SentLight, low: Doubles, side: float) -> Doubles:
-    """Return flux and area [FACES, CELLS^3, 4] of pieces by cell and the sides that they face."""
-    cell = np.clip(((light.position - low) / side).astype(np.intp), 0, CELLS - 1)
-    index = (cell[:, 2] * CELLS + cell[:, 1]) * CELLS + cell[:, 0]
-    faced = np.stack([light.normal, -light.normal], axis=-1).reshape(-1, FACES)
-    weight = np.maximum(faced, 0.0) ** 2
-    values = np.concatenate([light.flux, light.area[:, None]], axis=1)
-    sums = np.empty((FACES, CELLS**3, 4))
-    for face, own in enumerate(weight.T):
-        for channel, value in enumerate(values.T):
-            sums[face, :, channel] = np.bincount(index, own * value, CELLS**3)
-    return sums
+@dataclass(frozen=True, eq=False)
+class _Slots:
+    """Sides of records that pieces face: [n] numbers of slots, pieces, and squares of cosines."""
+
+    slot: NDArray[np.intp]
+    piece: NDArray[np.intp]
+    weight: Doubles
+
+    @classmethod
+    def of(cls, record: NDArray[np.intp], normal: Doubles) -> _Slots:
+        faced = np.maximum(np.stack([normal, -normal], axis=-1).reshape(-1, FACES), 0.0) ** 2
+        piece, face = np.nonzero(faced)
+        return cls(record[piece] * FACES + face, piece, faced[piece, face])
+
+    def sums(self, values: Doubles, records: int) -> Doubles:
+        """Return [records, FACES] sums of a value of the pieces."""
+        found: Doubles = np.bincount(self.slot, self.weight * values[self.piece], records * FACES).astype(np.float64)
+        return found.reshape(records, FACES)

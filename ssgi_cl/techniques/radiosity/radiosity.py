@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.lights import Environment, Light, environments_of, shines
+from ssgi_cl.core.lights import Environment, Light, PunctualLight, environments_of, shines
 from ssgi_cl.core.names import Bounces
 from ssgi_cl.core.params import Params, Prepared, param, with_fields_described
 from ssgi_cl.core.reflective_shadow_map import ReflectiveShadowMap
@@ -20,9 +20,11 @@ from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.techniques.direct.shadow_maps import checked_lights
 from ssgi_cl.techniques.occupancy.occupancy_grid import GRIDS
+from ssgi_cl.techniques.occupancy.scene_rays import rays_meet_triangles
 from ssgi_cl.techniques.radiosity.even_light import EvenLight, even_and_bright
-from ssgi_cl.techniques.radiosity.light_volume import LightVolume, SentLight
+from ssgi_cl.techniques.radiosity.light_volume import CELLS, LightVolume, Pieces, SurfaceCells
 from ssgi_cl.techniques.radiosity.sky_directions import sky_directions
+from ssgi_cl.techniques.radiosity.surfel_rays import SurfelRays, open_shares
 from ssgi_cl.techniques.radiosity.surfels import Surfels
 from ssgi_cl.techniques.radiosity.surfels_on_device import DeviceSurfels
 from ssgi_cl.techniques.technique import Bench, Technique
@@ -33,6 +35,12 @@ from ssgi_cl.techniques.vpl.world_vpls import WorldVpls
 Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]
 
+BY_RAYS = 2
+"""Surfels for each that is asked for where light between them is found by rays, whose cost grows as their number: that
+of pairs grows as its square."""
+SHOWN = 0.25
+"""Part of its hemisphere open to beyond a cell of the volume, below which a place is taken to be in a gap: it sends no
+light as a virtual point light, as a ray to the middle of a surfel does not tell what hides it."""
 CONVERGED = 2e-3
 """Share of the flux that the bounces not computed have at most."""
 MOST_BOUNCES = 2000
@@ -46,7 +54,12 @@ SETTLED = 50
 class RadiosityParams(Params):
     """Parameters of radiosity."""
 
-    surfels: int = param(2048, "pieces that surfaces are divided into, about", low=16, high=1 << 14)
+    surfels: int = param(
+        2048,
+        "pieces that surfaces are divided into, about; twice as many in scenes of up to 65,536 triangles without holes",
+        low=16,
+        high=1 << 14,
+    )
     bounces: Bounces = param(
         "all",
         "reflections on the way from a light to a pixel: 1 or more, or 'all': until those "
@@ -99,9 +112,11 @@ class RadiosityLight(NamedTuple):
 class Radiosity(Prepared[RadiosityParams]):
     """Virtual point lights that send all light but what lights from maps send.
 
-    After Goral et al. 1984, "Modeling the Interaction of Light Between Diffuse Surfaces". Departs:
-    surfels for patches, one visibility ray for each pair, and rows of form factors that sum to
-    what the sky leaves of a hemisphere. Surfaces reflect and emit on both sides.
+    After Goral et al. 1984, "Modeling the Interaction of Light Between Diffuse Surfaces". Departs: surfels for patches.
+    In scenes of up to 65,536 triangles without holes, light from surface to surface is found by rays over the
+    hemispheres of surfels' parts, whose hits look up the mean radiance of a cell (`SurfelRays`); no form factors are
+    computed. In others a pair of surfels has a form factor and one ray through the occupancy grid, and rows of form
+    factors sum to what the sky leaves of a hemisphere. Surfaces reflect and emit on both sides.
 
     Reflective shadow maps give the first bounce of spot, point and directional lights at pixels;
     surfels carry their later bounces, all bounces of environments, and all light of emissive
@@ -127,6 +142,7 @@ class Radiosity(Prepared[RadiosityParams]):
         self._device = DeviceSurfels(runtime, params.grid)
         self._maps = DeviceVpls(runtime, -(-params.vpls // 16) * 16)
         self._chooser = VplChooser(runtime, (self._maps,))
+        self._rays: SurfelRays | None = None
         self._scene: object = None
         self._dark: frozenset[int] | None = None
         self._lit: object = None
@@ -153,7 +169,10 @@ class Radiosity(Prepared[RadiosityParams]):
                 light for its bounces to end.
         """
         environments = environments_of(lights)
-        lit = (scene.key, environments, tuple(rsms), tuple(rsm.version for rsm in rsms))
+        # Of maps whose lights are not given, each knows its own.
+        punctual = [light for light in lights if not isinstance(light, Environment)] if rsms else []
+        punctual = punctual or [rsm.light for rsm in rsms if rsm.light is not None]
+        lit = (scene.key, environments, tuple(punctual), tuple(rsms), tuple(rsm.version for rsm in rsms))
         if self._result is not None and lit == self._lit:
             self.runtime.skip("radiosity", "scene and lights are the same")
             return self._result
@@ -171,18 +190,79 @@ class Radiosity(Prepared[RadiosityParams]):
         dark = device.dark(records, sky=any(map(shines, environments)))
         if self._dark != dark:
             self._dark = None
-            device.fill(scene, self.params.surfels, dark)
+            self._place(scene, dark, records)
             self._dark = dark
-        self._result = self._solved(environments, records)
+        self._result = self._solved(environments, punctual, records)
         self._lit = lit
         return self._result
 
-    def _solved(self, environments: Sequence[Environment], records: Floats | None) -> RadiosityLight:
-        device, surfels = self._device, self._device.surfels
+    def _place(self, scene: Scene, dark: frozenset[int], records: Floats | None) -> None:
+        """Make the surfels of a scene, the cells that they lie in, and what their rays meet."""
+        runtime, device, exact = self.runtime, self._device, rays_meet_triangles(scene)
+        device.fill(scene, self.params.surfels * (BY_RAYS if exact else 1), dark)
+        low, extent = device.camera.position - device.half, 2.0 * device.half
+        surfels = device.surfels
+        pieces = _parts(surfels) if len(surfels) or records is None else self._of_maps(records)[0]
+        self._rays = shown = None
+        if exact and len(surfels):
+            shown = open_shares(runtime, scene, surfels, extent / CELLS)
+        self._cells = SurfaceCells(pieces, low, extent, _parts(device.unlit), shown)
+        self._hidden = np.zeros(len(surfels.part_area), np.bool_) if shown is None else shown < SHOWN
+        if shown is not None:
+            self._rays = SurfelRays(runtime, scene, surfels, self._cells)
+
+    def _solved(
+        self, environments: Sequence[Environment], lights: Sequence[PunctualLight], records: Floats | None
+    ) -> RadiosityLight:
+        surfels, cells = self.surfels, self._cells
         if not len(surfels):
             self.irradiance, self.vpls, self.bounces = np.zeros((0, 3)), None, 0
-            return RadiosityLight(None, self._volume(self._of_maps(records) or SentLight.none()), None)
+            flux = np.zeros((0, 3)) if records is None else self._of_maps(records)[1]
+            return RadiosityLight(None, cells.light(flux), None)
         ways, solid, radiance = sky_directions(environments, self.params.directions)
+        if self._rays is not None:
+            received, direct = self._by_rays(self._rays, lights, ways, solid, radiance)
+            also = None
+        else:
+            received, direct = self._by_pairs(ways, solid, radiance, records), None
+            also = None if records is None else self._of_maps(records)
+        shown = sent(surfels, received, emission=True)
+        if direct is not None:
+            received = received - direct
+        self.irradiance = surfels.mean_of_parts(received)
+        reflected = sent(surfels, received, emission=self.params.emission)
+        self.vpls = _without(reflected, self._hidden)
+        volume = cells.light(_flux(shown), also)
+        if not self.vpls.flux.any():
+            return RadiosityLight(None, volume, None)
+        even, bright = even_and_bright(reflected, self._hidden)
+        made, few = (
+            WorldVpls(self.runtime, each, self._device.camera.position) if len(each) else None
+            for each in (self.vpls, bright)
+        )
+        return RadiosityLight(made, volume, EvenLight(cells.light(even), few))
+
+    def _by_rays(
+        self, rays: SurfelRays, lights: Sequence[PunctualLight], ways: Doubles, solid: Doubles, radiance: Doubles
+    ) -> tuple[Doubles, Doubles]:
+        """Return irradiance [parts, 3] after all bounces, and that of it by punctual lights."""
+        surfels = self.surfels
+        brightest = max(float(radiance.max()), 1e-30)
+        sky = self._device.look_up(ways, solid, radiance / brightest).astype(np.float64) * brightest
+        direct = rays.direct(lights)
+        source = np.repeat(sky, PARTS, axis=0) + rays.emitted + direct
+        weight = surfels.part_area[:, None] * surfels.part_albedo
+
+        def bounce(number: int, before: Doubles) -> Doubles:
+            if number == 1:
+                return source
+            return source + rays.bounce(self._cells.light(weight * before))
+
+        return self._bounced(weight, bounce), direct
+
+    def _by_pairs(self, ways: Doubles, solid: Doubles, radiance: Doubles, records: Floats | None) -> Doubles:
+        """Return irradiance [parts, 3] after all bounces, that of punctual lights from their maps."""
+        device, surfels = self._device, self._device.surfels
         # Kernels count light in that of the brightest source, so that none leaves their range.
         scale = max(math.pi * float(max(radiance.max(), surfels.emission.max())), 1e-30)
         sky = device.look_up(ways, solid, radiance / scale)
@@ -193,67 +273,44 @@ class Radiosity(Prepared[RadiosityParams]):
             raised = max(gain, 1.0)
             first = device.gather_lights(self._maps, records, gain / raised)
             scale, sky = scale * raised, sky / np.float32(raised)
-        exitance = math.pi * surfels.emission / scale
-        received = self._bounced(exitance.astype(np.float32), sky, first)
-        self.irradiance = received * scale
-        shown = sent(surfels, self.irradiance, emission=True)
-        self.vpls = shown if self.params.emission else sent(surfels, self.irradiance, emission=False)
-        parts = shown.parts
-        assert parts is not None  # noqa: S101  those of surfels have some
-        own = SentLight(parts.position, parts.normal, parts.area, parts.flux)
-        shine = self.vpls.flux.any()
-        volume = self._volume(own, self._of_maps(records))
-        if not shine:
-            return RadiosityLight(None, volume, None)
-        even, bright = even_and_bright(self.vpls)
-        lights, few = (
-            WorldVpls(self.runtime, each, device.camera.position) if len(each) else None for each in (self.vpls, bright)
-        )
-        return RadiosityLight(lights, volume, EvenLight(self._volume(even), few))
+        device.begin((math.pi * surfels.emission / scale).astype(np.float32))
 
-    def _volume(self, own: SentLight, also: SentLight | None = None) -> LightVolume:
-        """Return the light in the scene's cube; see `LightVolume`."""
-        half, dark = self._device.half, self._device.unlit
-        unlit = SentLight(dark.position + dark.origin, dark.normal, dark.area, np.zeros((len(dark), 3)))
-        return LightVolume(own, self._device.camera.position - half, 2.0 * half, also, unlit)
+        # Light from maps has been reflected once when it arrives at a surfel, that of the sky and of emissive
+        # surfaces not yet.
+        def bounce(number: int, before: Doubles) -> Doubles:
+            return device.gather(sky if number == 1 else sky + first).astype(np.float64)
 
-    def _of_maps(self, records: Floats | None) -> SentLight | None:
-        """Return the first bounce of the light of maps."""
-        if records is None:
-            return None
+        return np.repeat(self._bounced(surfels.area[:, None] * surfels.albedo, bounce) * scale, PARTS, axis=0)
+
+    def _of_maps(self, records: Floats) -> tuple[Pieces, Doubles]:
+        """Return the surfaces that maps' lights shine on, and the first bounce that they send, W."""
         device, rows = self._device, records.astype(np.float64)
         turn = device.camera.view[:3, :3]
         watts = self._maps.values["gain"] * device.unit**2
-        return SentLight(
-            rows[:, :3] * device.unit @ turn + device.camera.position,
-            -rows[:, 4:7] @ turn,
-            rows[:, 3] * device.unit**2,
-            rows[:, 8:11] * watts,
-        )
+        place = rows[:, :3] * device.unit @ turn + device.camera.position
+        return Pieces(place, -rows[:, 4:7] @ turn, rows[:, 3] * device.unit**2), rows[:, 8:11] * watts
 
-    def _bounced(self, exitance: Floats, sky: Floats, first: Floats) -> Doubles:
-        """Return irradiance [surfels, 3] after as many bounces as the parameters say.
+    def _bounced(self, weight: Doubles, bounce: Callable[[int, Doubles], Doubles]) -> Doubles:
+        """Return irradiance [n, 3] after as many bounces as the parameters say.
 
-        Light from maps has been reflected once when it arrives at a surfel, that of the sky and of
-        emissive surfaces not yet.
+        Args:
+            weight: [n, 3] what of it counts for the flux.
+            bounce: returns irradiance after so many bounces from that after one less.
         """
         wanted = self.params.bounces
-        device, surfels = self._device, self._device.surfels
-        weight = surfels.area[:, None] * surfels.albedo
-        device.begin(exitance)
-        before, change = np.zeros((len(surfels), 3)), math.inf
-        for bounce in range(1, (MOST_BOUNCES if wanted == "all" else int(wanted)) + 1):
-            received = device.gather(sky if bounce == 1 else sky + first).astype(np.float64)
-            self.bounces = bounce
+        before, change = np.zeros(weight.shape), math.inf
+        for number in range(1, (MOST_BOUNCES if wanted == "all" else int(wanted)) + 1):
+            received = bounce(number, before)
+            self.bounces = number
             latest, total = float((np.abs(received - before) * weight).sum()), float((received * weight).sum())
             ratio = latest / change if change > 0.0 else 0.0
             before, change = received, latest
-            if bounce < 3:
+            if number < 3:
                 continue
             # The bounces to come are a geometric series of this ratio.
             if latest * ratio <= CONVERGED * total * (1.0 - ratio):
                 break
-            if wanted == "all" and bounce >= SETTLED and ratio > 1.0 - LEAST_ABSORBED:
+            if wanted == "all" and number >= SETTLED and ratio > 1.0 - LEAST_ABSORBED:
                 raise ValueError(
                     f"bounces is 'all', but surfaces that are closed in absorb {1.0 - ratio:.2g} "
                     f"of the light at each bounce: expected {LEAST_ABSORBED} or more (give bounces "
@@ -262,9 +319,29 @@ class Radiosity(Prepared[RadiosityParams]):
         return before
 
 
+def _parts(surfels: Surfels) -> Pieces:
+    return Pieces(surfels.part_position + surfels.origin, surfels.part_normal, surfels.part_area)
+
+
+def _without(vpls: Vpls, hidden: NDArray[np.bool_]) -> Vpls:
+    """Return lights of which the parts that are hidden [parts] send nothing."""
+    if not hidden.any():
+        return vpls
+    parts = vpls.parts
+    assert parts is not None  # noqa: S101  those of surfels have some
+    flux = np.where(hidden[:, None], 0.0, parts.flux)
+    left = Vpls(parts.position, parts.normal, flux, parts.area)
+    return Vpls(vpls.position, vpls.normal, flux.reshape(-1, PARTS, 3).sum(axis=1), vpls.area, left)
+
+
+def _flux(vpls: Vpls) -> Doubles:
+    assert vpls.parts is not None  # noqa: S101  those of surfels have some
+    return vpls.parts.flux
+
+
 def sent(surfels: Surfels, irradiance: Doubles, *, emission: bool) -> Vpls:
-    """Return the light that surfels send, which receive irradiance [surfels, 3] in W/m^2."""
-    exitance = surfels.part_albedo * np.repeat(irradiance, PARTS, axis=0)
+    """Return the light that surfels send, whose parts receive irradiance [parts, 3] in W/m^2."""
+    exitance = surfels.part_albedo * irradiance
     if emission:
         exitance += math.pi * surfels.part_emission
     flux = surfels.part_area[:, None] * exitance

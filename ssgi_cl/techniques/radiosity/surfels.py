@@ -57,6 +57,13 @@ class Surfels:
     def __len__(self) -> int:
         return len(self.area)
 
+    @classmethod
+    def none(cls, origin: Doubles | None = None) -> Surfels:
+        """Return no surfel."""
+        rows = np.zeros((0, 3))
+        lines = [rows, rows, np.zeros(0), rows, rows]
+        return cls(np.zeros(3) if origin is None else origin, *lines, *lines)
+
     def centred(self, part: NDArray[np.intp]) -> Surfels:
         """Return the surfels with the positions of their parts of numbers `part` [count].
 
@@ -67,6 +74,12 @@ class Surfels:
         order[first], order[first + part] = first + part, first
         moved = {f"part_{name}": getattr(self, f"part_{name}")[order] for name in _OWN}
         return replace(self, position=moved["part_position"][::PARTS], **moved)
+
+    def mean_of_parts(self, values: Doubles) -> Doubles:
+        """Return means [count, ...] by area of values [PARTS count, ...] of the parts."""
+        weighted = self.part_area[:, None] * values
+        mean: Doubles = weighted.reshape(-1, PARTS, *values.shape[1:]).sum(axis=1) / self.area[:, None]
+        return mean
 
     def chosen(self, order: NDArray[np.intp]) -> Surfels:
         """Return the surfels of these numbers, in this order."""
@@ -141,9 +154,7 @@ def scene_surfels(scene: Scene, count: int, shares: TriangleShares | None = None
     backs = float(shares.area[~scene.culled_backs].sum()) / max(float(shares.area.sum()), 1e-300)
     *points, double = _points(scene, PARTS * max(int(count / (1.0 + backs)), 1), shares)
     if not len(points[2]):
-        none = np.zeros((0, 3))
-        lines = [none, none, np.zeros(0), none, none]
-        return Surfels(np.asarray(scene.origin), *lines, *lines)
+        return Surfels.none(np.asarray(scene.origin))
     low, high = scene.bounds - scene.origin
     kind = _axis(points[1]) + 6 * points[4].any(axis=1) + 12 * ~double
     key = kind * np.int64(1 << 3 * CURVE_BITS) + curve_numbers(points[0], low, high)

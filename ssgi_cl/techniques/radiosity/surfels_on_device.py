@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.vpls import PARTS
+from ssgi_cl.device.arrays import DeviceArray
 from ssgi_cl.device.constants import FIRST_GROUP, SURFEL_RECORD
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import Struct, floats
@@ -68,6 +67,7 @@ class DeviceSurfels:
     unlit: Surfels
     camera: Camera
     unit: float
+    _visible: DeviceArray | None = None
 
     def __init__(self, runtime: Runtime, cells: int) -> None:
         self.runtime = runtime
@@ -75,6 +75,8 @@ class DeviceSurfels:
         macros = self._grid.macros
         self._start = runtime.kernel("radiosity/radiosity_start.cl", macros, (START,))
         self._mirror = runtime.kernel("radiosity/radiosity_mirror.cl")
+        self._see = runtime.kernel("radiosity/radiosity_visibility.cl", macros)
+        self._first = runtime.kernel("radiosity/radiosity_first.cl", macros)
         self._gather = runtime.kernel("radiosity/radiosity_gather.cl", macros)
 
     def enter(self, scene: Scene) -> None:
@@ -91,15 +93,8 @@ class DeviceSurfels:
         exact = rays_meet_triangles(scene)
         rays = SceneRays(self.runtime, scene, self.camera.view, self.unit) if exact else None
         self._rays = rays
-        macros, structs = {**self._grid.macros, "SURFEL_RAYS": int(rays is not None)}, (SCENE_RAYS,)
-        self._see, self._sky, self._first = (
-            self.runtime.kernel(path, macros, structs)
-            for path in (
-                "radiosity/radiosity_visibility.cl",
-                "radiosity/radiosity_sky.cl",
-                "radiosity/radiosity_first.cl",
-            )
-        )
+        macros = {**self._grid.macros, "SURFEL_RAYS": int(rays is not None)}
+        self._sky = self.runtime.kernel("radiosity/radiosity_sky.cl", macros, (SCENE_RAYS,))
         self._near = StartTriangles.of(self.runtime, scene, solid)
         self._shares = TriangleShares.of(scene)
         self._air = Air.of(occupancy.grid.download(), occupancy.cells)
@@ -135,7 +130,7 @@ class DeviceSurfels:
         return points
 
     def fill(self, scene: Scene, count: int, dark: frozenset[int]) -> None:
-        """Replace the contents by about `count` surfels of the scene; queue what they see.
+        """Replace the contents by about `count` surfels of the scene.
 
         Args:
             scene: that `enter` took.
@@ -148,12 +143,7 @@ class DeviceSurfels:
         tried = scene_surfels(scene, int(count / share), self._shares)
         self.surfels, starts = self._seeing(tried, solid, dark)
         self._upload(self.surfels, starts)
-        words = self._stride // 32
-        self._visible = self.runtime.empty(words * self._stride, np.int32)
-        self._see.run(
-            (words, self._stride), surfels=self._rows, records=self._flux[0], **self._blockers(), visible=self._visible
-        )
-        self._mirror.run((words, self._stride), visible=self._visible)
+        self._visible = None
 
     def _seeing(
         self, surfels: Surfels, solid: DeviceScene, dark: frozenset[int] = frozenset()
@@ -241,7 +231,7 @@ class DeviceSurfels:
             grid=(1, self._stride // self.runtime.variant.lanes),
             surfels=self._rows,
             directions=self.runtime.array(table),
-            **self._blockers(),
+            **({"occupancy": self._occupancy.grid} if self._rays is None else self._rays.arguments),
             sky=self._seen,
         )
         return self._of_surfels(self._seen.download())
@@ -262,14 +252,25 @@ class DeviceSurfels:
             lights=lights.lights,
             numbers=runtime.array(numbers),
             weights=runtime.array(weights),
-            **self._blockers(box=True),
+            **self._occupancy.arguments,
             values=self._values,
             gain=gain,
         )
         return self._of_surfels(self._values.download())
 
     def begin(self, exitance: Floats) -> None:
-        """Set what surfels send to their emitted exitance [surfels, 3]."""
+        """Set what surfels send to their emitted exitance [surfels, 3], once it is known which see each other."""
+        if self._visible is None:
+            words = self._stride // 32
+            self._visible = self.runtime.empty(words * self._stride, np.int32)
+            self._see.run(
+                (words, self._stride),
+                surfels=self._rows,
+                records=self._flux[0],
+                occupancy=self._occupancy.grid,
+                visible=self._visible,
+            )
+            self._mirror.run((words, self._stride), visible=self._visible)
         own = np.zeros((3, self._stride), np.float32)
         own[:, : len(exitance)] = exitance.T
         rows = self._rows.download().reshape(ROWS, -1)
@@ -300,12 +301,6 @@ class DeviceSurfels:
         )
         self._flux.reverse()
         return self._of_surfels(self._received.download())
-
-    def _blockers(self, *, box: bool = False) -> dict[str, Any]:
-        """Return what kernels follow rays through; `box`: whether they read where the grid is."""
-        if self._rays is not None:
-            return self._rays.arguments
-        return self._occupancy.arguments if box else {"occupancy": self._occupancy.grid}
 
     def _of_surfels(self, rows: Floats) -> Floats:
         """Return [surfels, 3] of the first three rows."""

@@ -27,7 +27,7 @@ from ssgi_cl.techniques.bands import Plan, banded
 from ssgi_cl.techniques.direct.light_data import BRIGHTEST, PunctualLights, ShadowMap
 from ssgi_cl.techniques.direct.shadow_maps import checked_lights, uploaded_maps
 from ssgi_cl.techniques.occupancy.occupancy_grid import Occupancy, OccupancyGrid
-from ssgi_cl.techniques.radiosity.light_volume import CELLS, FACES, LightVolume
+from ssgi_cl.techniques.radiosity.light_volume import LightVolume, device_volume
 from ssgi_cl.techniques.radiosity.radiosity import Radiosity, RadiosityParams
 from ssgi_cl.techniques.reflections.sky_levels import SkyLevels
 from ssgi_cl.techniques.technique import Bench, Technique
@@ -125,7 +125,7 @@ class Reflections(Prepared[ReflectionsParams]):
         self._lights = PunctualLights(runtime, size, kept=False)
         self._reflected = Target(runtime, 3, size, kept=False)
         self._volume: LightVolume | None = None
-        self._sent = runtime.array(np.zeros(CELLS**3 * FACES * 4, np.float32))
+        self._cells = self._records = runtime.array(np.zeros(1, np.float32))
 
     def run(
         self,
@@ -164,7 +164,6 @@ class Reflections(Prepared[ReflectionsParams]):
         macros = {
             "REFLECT_RAYS": self.params.rays,
             "REFLECT_STEPS": self.params.steps,
-            "VOLUME_CELLS": CELLS,
             "REFLECT_MIRRORS": int(mirrored is not None),
             **occupancy.macros,
         }
@@ -175,7 +174,8 @@ class Reflections(Prepared[ReflectionsParams]):
                 "light": light,
                 "sky": self._sky.texels,
                 "places": self._sky.places,
-                "volume": self._sent,
+                "cells": self._cells,
+                "volume": self._records,
                 "reflected": reflected,
                 "camera": gbuffer.camera_struct,
                 "params": params,
@@ -184,7 +184,7 @@ class Reflections(Prepared[ReflectionsParams]):
                 self.size, region=over, **arriving, **occupancy.arguments
             )
             if mirrored is not None:
-                few = {name: macros[name] for name in ("REFLECT_RAYS", "VOLUME_CELLS")}
+                few = {"REFLECT_RAYS": self.params.rays}
                 self.runtime.kernel("reflections/reflect_mirror.cl", few, (CAMERA, REFLECT)).run(
                     self.size,
                     region=over,
@@ -217,7 +217,7 @@ class Reflections(Prepared[ReflectionsParams]):
         camera = camera_of(gbuffer, self.size)
         if volume is not self._volume:
             self._volume = volume
-            self._sent.upload(volume.packed.ravel())
+            self._cells, self._records = device_volume(self.runtime, volume)
         reach = volume.extent
         per_unit = float(np.float32(1.0 / occupancy.unit))  # as kernels round it
         x, y, z = ((camera.position - volume.low) / volume.side).tolist()

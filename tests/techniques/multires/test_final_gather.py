@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,17 +12,18 @@ import pytest
 from numpy.typing import NDArray
 
 import ssgi_cl as gi
+from ssgi_cl.core.hemisphere import TILE, hemisphere_ways
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.vpls import LUMINANCE, PARTS, Vpls
 from ssgi_cl.device.gbuffer import on_device
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.gbuffer import SurfaceView, view_normals
 from ssgi_cl.reference.multires.final_gather import final_gather_reference
-from ssgi_cl.techniques.multires.final_gather import TILE, gather_ways, tile_turn
+from ssgi_cl.techniques.multires.final_gather import tile_turn
 from ssgi_cl.techniques.multires.multires_splat import MultiresSplat, MultiresSplatParams
 from ssgi_cl.techniques.occupancy.scene_rays import LIFT
 from ssgi_cl.techniques.radiosity.even_light import EVEN, EvenLight, even_and_bright
-from ssgi_cl.techniques.radiosity.light_volume import CELLS, FACES, LightVolume, SentLight
+from ssgi_cl.techniques.radiosity.light_volume import CELLS, FACES, LightVolume
 
 from ...frame.scenes import cube, halves, inside, matt, scene_of
 
@@ -30,9 +32,9 @@ Doubles = NDArray[np.float64]
 
 def volume_of(radiance: Doubles, area: Doubles, middle: Doubles | float = 0.0) -> LightVolume:
     """Return a volume of given sides, 2 units wide."""
-    volume = LightVolume(SentLight.none(), np.full(3, -1.0) + middle, 2.0)
-    volume.__dict__["_sides"] = radiance, area
-    return volume
+    cells = np.arange(CELLS**3, dtype=np.int32).reshape((CELLS,) * 3)
+    records = np.concatenate([radiance, area[..., None]], axis=-1, dtype=np.float32).reshape(-1, FACES, 4)
+    return LightVolume(cells, records, np.full(3, -1.0) + middle, 2.0)
 
 
 def even(value: float = 1.0) -> LightVolume:
@@ -52,7 +54,7 @@ def found(
 
 
 def test_directions_lie_one_in_a_stratum() -> None:
-    ways = gather_ways(30)  # 5 x 5 of them
+    ways = hemisphere_ways(30)  # 5 x 5 of them
     assert ways.shape == (25, 3, TILE * TILE)
     x, y, z = np.moveaxis(ways.astype(np.float64), 1, 0)
     np.testing.assert_allclose(x * x + y * y + z * z, 1.0, atol=1e-6)
@@ -83,8 +85,7 @@ def test_the_size_of_the_scene_does_not_matter(runtime: Runtime, scale: float) -
         np.array((0.6, -0.2, 0.5)) * scale, np.array((-1.0, -0.3, -0.8)) * scale, yfov=1.2, width=16, height=12,
         near=0.01 * scale, far=10.0 * scale,
     )  # fmt: skip
-    volume = LightVolume(SentLight.none(), np.full(3, -scale), 2.0 * scale)
-    volume.__dict__["_sides"] = even()._sides
+    volume = replace(even(), low=np.full(3, -scale), extent=2.0 * scale)
     _, image = found(runtime, scene, camera, EvenLight(volume, None), 16)
     np.testing.assert_allclose(image, math.pi, rtol=2e-6)
 
@@ -108,10 +109,11 @@ def test_what_rays_find_is_what_float64_finds(variant_runtime: Runtime, rng: np.
     row, column = np.nonzero(there)
     columns_on, rows_on = tile_turn(camera)
     tile = (row + rows_on) % TILE * TILE + (column + columns_on) % TILE
-    ways = np.moveaxis(gather_ways(9).astype(np.float64), 2, 0)[tile]
+    ways = np.moveaxis(hemisphere_ways(9).astype(np.float64), 2, 0)[tile]
     corners = np.asarray(scene.positions, np.float64)[scene.triangles] + scene.origin
+    sides = volume.records.reshape(CELLS, CELLS, CELLS, FACES, 4).astype(np.float64)
     expected, near = final_gather_reference(
-        start + lift * normal, normal, ways, corners, volume.packed.astype(np.float64), volume.low, volume.side
+        start + lift * normal, normal, ways, corners, sides, volume.low, volume.side
     )
     assert near.mean() < 0.5
     assert expected[~near].std() > 0.05
@@ -151,22 +153,22 @@ def test_light_is_parted_into_two_that_sum_to_it(rng: np.random.Generator) -> No
     )
     low, bright = even_and_bright(whole)
     most = EVEN * (flux @ LUMINANCE).sum() / area.sum()
-    assert (low.flux @ LUMINANCE <= most * area * (1.0 + 1e-12)).all()
+    assert (low @ LUMINANCE <= most * area * (1.0 + 1e-12)).all()
     assert len(bright) == 2
     assert bright.parts is not None
-    rest = flux - low.flux
+    rest = flux - low
     np.testing.assert_allclose(bright.parts.flux, rest[:32])
     np.testing.assert_allclose(bright.flux, rest[:32].reshape(2, PARTS, 3).sum(axis=1))
     assert (rest[32:] == 0.0).all()
     # Colours stay.
-    np.testing.assert_allclose(low.flux[:32] * flux[:32, :1], flux[:32] * low.flux[:32, :1], rtol=1e-12)
+    np.testing.assert_allclose(low[:32] * flux[:32, :1], flux[:32] * low[:32, :1], rtol=1e-12)
 
 
 def test_black_light_has_no_bright_part() -> None:
     none = np.zeros((PARTS, 3))
     parts = Vpls(none, none, none, np.ones(PARTS))
     low, bright = even_and_bright(Vpls(none[:1], none[:1], none[:1], np.full(1, float(PARTS)), parts))
-    assert (low.flux == 0.0).all()
+    assert (low == 0.0).all()
     assert len(bright) == 0
 
 

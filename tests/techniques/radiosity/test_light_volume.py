@@ -11,18 +11,29 @@ from ssgi_cl.core.lights import Environment, SpotLight
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import rsm
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
-from ssgi_cl.techniques.radiosity.light_volume import CELLS, FAINT, LightVolume, SentLight
+from ssgi_cl.techniques.radiosity.light_volume import CELLS, FAINT, NEAR, LightVolume, Pieces, SurfaceCells
 from ssgi_cl.techniques.radiosity.radiosity import Radiosity, RadiosityParams
 from ssgi_cl.techniques.vpl.vpl_choice import on_device_rsms
 
 Doubles = NDArray[np.float64]
 
 
-def light(
-    position: list[list[float]], normal: list[list[float]], area: list[float], exitance: list[float]
-) -> SentLight:
+Light = tuple[Pieces, Doubles]
+
+
+def light(position: list[list[float]], normal: list[list[float]], area: list[float], exitance: list[float]) -> Light:
     flux = np.outer(np.multiply(area, exitance), np.ones(3))
-    return SentLight(np.array(position), np.array(normal, np.float64), np.array(area), flux)
+    return Pieces(np.array(position), np.array(normal, np.float64), np.array(area)), flux
+
+
+def volume_of(lit: Light, also: Light | None = None, unlit: Light | None = None) -> LightVolume:
+    return SurfaceCells(lit[0], LOW, EXTENT, None if unlit is None else unlit[0]).light(lit[1], also)
+
+
+def at(volume: LightVolume, x: int, y: int, z: int) -> NDArray[np.float32]:
+    """Return radiance and area [FACES, 4] of a cell."""
+    record: NDArray[np.float32] = volume.records[volume.cells[z, y, x]]
+    return record
 
 
 LOW, EXTENT = np.array((-1.0, 0.0, 3.0)), 4.0
@@ -36,53 +47,67 @@ def centre(x: int, y: int, z: int) -> list[float]:
 
 
 def test_a_surface_sends_its_radiance_to_the_side_that_it_faces() -> None:
-    volume = LightVolume(light([centre(4, 5, 6)], [[0, 1, 0]], [0.004], [math.pi]), LOW, EXTENT)
-    np.testing.assert_allclose(volume.radiance[6, 5, 4, 2], 1.0)
-    np.testing.assert_allclose(volume.area[6, 5, 4], [FAINT, FAINT, 0.004 / SIDE**2, *[FAINT] * 3])
-    # Cells without a surface that faces a side take the nearest one's.
-    np.testing.assert_allclose(volume.radiance[..., 2, :], 1.0)
-    assert (volume.radiance[..., [0, 1, 3, 4, 5], :] == 0.0).all()
+    volume = volume_of(light([centre(4, 5, 6)], [[0, 1, 0]], [0.004], [math.pi]))
+    np.testing.assert_allclose(at(volume, 4, 5, 6)[2, :3], 1.0)
+    np.testing.assert_allclose(at(volume, 4, 5, 6)[:, 3], [FAINT, FAINT, 0.004 / SIDE**2, *[FAINT] * 3], rtol=1e-6)
+    # Cells without a surface take the nearest one's.
+    assert len(volume.records) == 1
+    assert (volume.cells == 0).all()
+    assert (volume.records[0, [0, 1, 3, 4, 5], :3] == 0.0).all()
 
 
 def test_surfaces_in_one_cell_count_by_their_area() -> None:
     both = light([centre(4, 5, 6)] * 2, [[1, 0, 0]] * 2, [0.001, 0.003], [math.pi, 5 * math.pi])
-    volume = LightVolume(both, LOW, EXTENT)
-    np.testing.assert_allclose(volume.radiance[6, 5, 4, 0], 4.0)
+    np.testing.assert_allclose(at(volume_of(both), 4, 5, 6)[0, :3], 4.0, rtol=1e-6)
 
 
 def test_unlit_surfaces_are_black_where_no_other_is() -> None:
     # One stands alone; two are near a lit one that faces the same way, as in a wall thinner than the cell.
-    lit = light([centre(4, 5, 6)], [[0, 1, 0]], [0.004], [math.pi])
-    black = light([centre(4, 5, 6), centre(6, 5, 6), centre(20, 5, 6)], [[0, 1, 0]] * 3, [0.004, 1.0, 0.002], [0.0] * 3)
-    volume = LightVolume(lit, LOW, EXTENT, unlit=black)
-    np.testing.assert_allclose(volume.radiance[6, 5, 4, 2], 1.0)
-    np.testing.assert_allclose(volume.area[6, 5, [4, 20], 2], np.array((0.004, 0.002)) / SIDE**2)
-    # The nearest counts elsewhere: with none unlit the lit one's would.
-    np.testing.assert_allclose(volume.radiance[6, 5, :12, 2], 1.0)
-    np.testing.assert_allclose(volume.radiance[6, 5, 13:, 2], 0.0)
+    far = 4 + math.ceil(NEAR) + 3
+    lit = light([centre(4, 5, 6), centre(far, 9, 6)], [[0, 1, 0], [1, 0, 0]], [0.004] * 2, [math.pi] * 2)
+    dark = [centre(4, 5, 6), centre(6, 5, 6), centre(far, 5, 6)]
+    black = light(dark, [[0, 1, 0]] * 3, [0.004, 1.0, 0.002], [0.0] * 3)
+    volume = volume_of(lit, unlit=black)
+    np.testing.assert_allclose(at(volume, 4, 5, 6)[2], [*[1.0] * 3, 0.004 / SIDE**2], rtol=1e-6)
+    np.testing.assert_allclose(at(volume, 6, 5, 6)[2], [*[1.0] * 3, FAINT], rtol=1e-6)
+    np.testing.assert_allclose(at(volume, far, 5, 6)[2], [*[0.0] * 3, 0.002 / SIDE**2], rtol=1e-6)
+    # Where a lit surface is that faces elsewhere, the nearest lit one counts, not a nearer black one.
+    np.testing.assert_allclose(at(volume, far, 9, 6)[2, :3], 1.0)
 
 
 def test_the_nearest_surface_counts_where_there_is_none() -> None:
-    two = light([centre(2, 5, 6), centre(20, 5, 6)], [[0, 0, -1]] * 2, [1e-3] * 2,
-                [math.pi, 3 * math.pi])  # fmt: skip
-    faced = LightVolume(two, LOW, EXTENT).radiance[6, 5, :, 5, 0]
-    np.testing.assert_allclose(faced[:11], 1.0)
-    np.testing.assert_allclose(faced[12:], 3.0)
+    two = light([centre(2, 5, 6), centre(20, 5, 6), centre(5, 5, 6)], [[0, 0, -1]] * 2 + [[0, 1, 0]], [1e-3] * 3,
+                [math.pi, 3 * math.pi, 0.0])  # fmt: skip
+    volume = volume_of(two)
+    np.testing.assert_allclose(at(volume, 0, 5, 6)[5, :3], 1.0)
+    np.testing.assert_allclose(at(volume, 5, 5, 6)[5], [*[1.0] * 3, FAINT], rtol=1e-6)
+    np.testing.assert_allclose(at(volume, 40, 5, 6)[5, :3], 3.0)
 
 
 def test_a_slanted_surface_counts_for_the_sides_that_it_faces() -> None:
-    slanted = light([centre(4, 5, 6)], [[0.6, 0.0, -0.8]], [0.002], [math.pi])
-    volume = LightVolume(slanted, LOW, EXTENT)
-    np.testing.assert_allclose(volume.radiance[6, 5, 4, [0, 5]], 1.0)
-    np.testing.assert_allclose(volume.area[6, 5, 4, [0, 5]], np.array((0.36, 0.64)) * 0.002 / SIDE**2)
+    volume = volume_of(light([centre(4, 5, 6)], [[0.6, 0.0, -0.8]], [0.002], [math.pi]))
+    np.testing.assert_allclose(at(volume, 4, 5, 6)[[0, 5], :3], 1.0)
+    np.testing.assert_allclose(at(volume, 4, 5, 6)[[0, 5], 3], np.array((0.36, 0.64)) * 0.002 / SIDE**2, rtol=1e-6)
 
 
 def test_light_besides_is_added_and_never_more_than_its_own_surface_sends() -> None:
     """A light on a sliver of surface, of which the pieces have caught little."""
     own = light([centre(4, 5, 6)], [[0, 1, 0]], [1e-6], [math.pi])
     also = light([centre(4, 5, 6)], [[0, 1, 0]], [1e-3], [2 * math.pi])
-    volume = LightVolume(own, LOW, EXTENT, also)
-    np.testing.assert_allclose(volume.radiance[6, 5, 4, 2], 3.0)
+    np.testing.assert_allclose(at(volume_of(own, also), 4, 5, 6)[2, :3], 3.0)
+
+
+def test_pieces_count_as_they_are_shown() -> None:
+    both = light([centre(4, 5, 6)] * 2, [[1, 0, 0]] * 2, [0.002, 0.002], [math.pi, 5 * math.pi])
+    cells = SurfaceCells(both[0], LOW, EXTENT, shown=np.array((0.75, 0.25)))
+    record = at(cells.light(both[1]), 4, 5, 6)[0]
+    np.testing.assert_allclose(record, [*[0.75 * 1.0 + 0.25 * 5.0] * 3, 0.002 / SIDE**2], rtol=1e-6)
+
+
+def test_without_surfaces_it_is_black() -> None:
+    volume = SurfaceCells(Pieces.none(), LOW, EXTENT).light(np.zeros((0, 3)))
+    assert (volume.records[..., :3] == 0.0).all()
+    assert (volume.cells == 0).all()
 
 
 def test_in_a_room_it_is_the_mean_radiance_of_its_surfaces(runtime: Runtime) -> None:
@@ -100,7 +125,8 @@ def test_in_a_room_it_is_the_mean_radiance_of_its_surfaces(runtime: Runtime) -> 
     assert (cells >= 0).all()
     assert (cells <= CELLS).all()
     # Power through all sides: the projected areas of pieces add up as 1 by their squares.
-    total = float((volume.radiance * volume.area[..., None])[volume.area > 2 * FAINT].sum())
+    area = volume.records[..., 3:].astype(np.float64)
+    total = float((volume.records[..., :3] * area)[area[..., 0] > 2 * FAINT].sum())
     sent = float(vpls.parts.flux.sum()) / math.pi / volume.side**2
     assert abs(total / sent - 1.0) < 0.02  # what is fainter is left out
 
@@ -113,7 +139,8 @@ def test_light_of_maps_that_surfaces_reflect_straight_is_in_it(runtime: Runtime)
     radiosity = Radiosity(runtime, RadiosityParams(surfels=512, bounces=1))
     volume, vpls = radiosity.run(built.scene, [], rsms=[seen]).volume, radiosity.vpls
     assert vpls is not None
-    total = float((volume.radiance * volume.area[..., None])[volume.area > 2 * FAINT].sum())
+    area = volume.records[..., 3:].astype(np.float64)
+    total = float((volume.records[..., :3] * area)[area[..., 0] > 2 * FAINT].sum())
     bounced = float(vpls.flux.sum()) / math.pi / volume.side**2
     straight = float(np.asarray(drawn.flux).sum()) / math.pi / volume.side**2
     # What lies in cells without a surfel that faces as it does is lost.

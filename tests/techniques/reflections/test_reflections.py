@@ -21,7 +21,7 @@ from ssgi_cl.reference.direct.shade import world_surface
 from ssgi_cl.reference.phong import Lobes
 from ssgi_cl.reference.reflections.reflections import Screen, added_reference, arriving_reference
 from ssgi_cl.techniques.occupancy.occupancy_grid import OccupancyGrid
-from ssgi_cl.techniques.radiosity.light_volume import CELLS, FACES, LightVolume, SentLight
+from ssgi_cl.techniques.radiosity.light_volume import CELLS, FACES, LightVolume
 from ssgi_cl.techniques.radiosity.radiosity import RadiosityParams
 from ssgi_cl.techniques.reflections.reflections import Reflections, ReflectionsParams, reflections
 
@@ -42,10 +42,8 @@ FAR_AWAY = quads(((500, 500, 500), (1, 0, 0), (0, 1, 0)))
 
 def even(value: float) -> LightVolume:
     """Return a volume of surfaces that all send the same."""
-    shape = (CELLS, CELLS, CELLS, FACES)
-    volume = LightVolume(SentLight.none(), np.full(3, -HALF), 2.0 * HALF)
-    vars(volume)["_sides"] = np.full((*shape, 3), value), np.ones(shape)
-    return volume
+    record = np.concatenate([np.full((1, FACES, 3), value), np.ones((1, FACES, 1))], axis=-1, dtype=np.float32)
+    return LightVolume(np.zeros((CELLS,) * 3, np.int32), record, np.full(3, -HALF), 2.0 * HALF)
 
 
 def added(
@@ -233,8 +231,7 @@ def test_surfaces_count_by_how_large_they_appear(runtime: Runtime) -> None:
     volume = even(0.0)
     for face, radiance, area in ((0, 1e3, 1e-7), (1, 1e3, 1e-7), (2, 2.0, 1.0), (3, 2.0, 1.0),
                                  (4, 6.0, 0.5), (5, 6.0, 0.5)):  # fmt: skip
-        volume.radiance[..., face, :] = radiance
-        volume.area[..., face] = area
+        volume.records[:, face] = [*[radiance] * 3, area]
     found = added(runtime, gbuffer, 0.0, 0.0, Environment(0.0), blocks=wall, volume=volume)
     lobes = Lobes.of(gbuffer, *world_surface(gbuffer)[:2])
     y, z = np.abs(lobes.axis[..., 1]), np.abs(lobes.axis[..., 2])
@@ -263,7 +260,7 @@ def test_rays_see_the_sides_that_face_against_them(runtime: Runtime, to: tuple[f
     wall = quads(((middle - 7.0 * along - (0, 3.5, 0)).tolist(), (14.0 * along).tolist(), (0, 7, 0)))
     volume = even(0.0)
     sides = np.array((2.0, 3.0, 5.0, 7.0, 11.0, 13.0))  # of surfaces that face +x, -x, +y, -y, +z and -z
-    volume.radiance[...] = sides[:, None]
+    volume.records[..., :3] = sides[:, None]
     found = added(runtime, gbuffer, 0.0, 0.0, Environment(0.0), blocks=wall, volume=volume)
     lobes = Lobes.of(gbuffer, *world_surface(gbuffer)[:2])
     against = sides[[0, 2, 4] + (lobes.axis > 0.0)]

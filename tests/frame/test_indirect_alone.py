@@ -35,9 +35,9 @@ class Today(NamedTuple):
 ROOMS = {
     "rods-300": Today(-0.09, -0.165, -0.08, 0.01),
     "panel-300": Today(-0.07, -0.15, -0.06, 0.01),
-    "window-300": Today(0.01, -0.075, 0.01, 0.10),
-    "spot-300": Today(-0.01, -0.065, -0.01, 0.10),
-    "point-300": Today(-0.02, -0.045, -0.02, 0.03),
+    "window-300": Today(0.0, -0.075, 0.0, 0.08),
+    "spot-300": Today(-0.01, -0.065, -0.01, 0.07),
+    "point-300": Today(-0.02, -0.045, -0.02, 0.02),
 }
 """Rooms on which nothing is tuned -> their bounds. What is left in the first two is light from the gap above an
 emissive panel: see "Limits" of docs/frames.md."""

@@ -29,17 +29,17 @@ def even_and_bright(vpls: Vpls, hidden: NDArray[np.bool_] | None = None) -> tupl
     """Return the flux [parts, 3] that the parts of lights send up to an exitance of `EVEN` means of all, and lights
     that send the rest.
 
-    Both have the colours of the light given, of which they are the sum. Those `hidden` [parts] are even whatever they
-    send.
+    Both have the colours of the light given, of which they are the sum but for what parts that are `hidden` [parts]
+    send beyond that: a ray to the middle of their light does not tell what hides them.
     """
     parts = vpls.parts
     assert parts is not None  # noqa: S101  those of surfels have some
     luminance = parts.flux @ LUMINANCE
     most = EVEN * luminance.sum() / max(float(parts.area.sum()), 1e-300) * parts.area
     even = parts.flux * np.minimum(1.0, most / np.maximum(luminance, 1e-300))[:, None]
-    if hidden is not None:
-        even[hidden] = parts.flux[hidden]
     rest = (parts.flux - even).reshape(-1, PARTS, 3)
+    if hidden is not None:
+        rest[hidden.reshape(-1, PARTS)] = 0.0
     chosen = rest.any(axis=(1, 2))
     own = np.repeat(chosen, PARTS)
     few = Vpls(parts.position[own], parts.normal[own], rest[chosen].reshape(-1, 3), parts.area[own])

@@ -20,6 +20,8 @@ BRIGHTEST = 1e30
 """W m^-2 sr^-1: more counts as this."""
 NEAR = 5.0
 """Cells within which surfaces that no light reaches give way to lit ones, as cells are thicker than some walls."""
+LEAST_SHOWN = 0.01
+"""What a piece counts at least, so that a cell has a mean where all of its pieces are in a gap."""
 FACES = 6
 """Directions that surfaces of a cell face: +x, -x, +y, -y, +z, -z."""
 
@@ -94,7 +96,7 @@ class SurfaceCells:
         from scipy import ndimage  # takes a fifth of a second, which other commands do without
 
         self.low, self.extent = low, extent
-        self._shown = np.ones(len(lit.area)) if shown is None else shown
+        self._shown = np.ones(len(lit.area)) if shown is None else np.maximum(shown, LEAST_SHOWN)
         dark = Pieces.none() if unlit is None else unlit
         shape = (CELLS, CELLS, CELLS)
         own, others = self._cell(lit.position), self._cell(dark.position)
@@ -109,7 +111,7 @@ class SurfaceCells:
         self.cells = number[np.ravel_multi_index(tuple(nearest), shape)].astype(np.int32).reshape(shape)
         self._slots = _Slots.of(number[own], lit.normal)
         black = _Slots.of(number[others], dark.normal).sums(dark.area, len(place))
-        area = self._slots.sums(lit.area * self._shown, len(place))
+        area = self._slots.sums(lit.area, len(place))
         self._near = np.tile(np.arange(len(place))[:, None], FACES)
         for face in range(FACES):
             known = area[:, face] > 1e-6 * area[:, face].max(initial=0.0)
@@ -122,6 +124,7 @@ class SurfaceCells:
             given = ~known & ~alone & np.isfinite(away)
             self._near[given, face] = number[nearest[given]]
         self._area = area
+        self._seen = self._slots.sums(lit.area * self._shown, len(place))
         self.area = np.maximum(area / self.side**2, FAINT)
 
     @property
@@ -138,7 +141,7 @@ class SurfaceCells:
         """
         count = len(self.area)
         radiance = np.zeros((count, FACES, 3))
-        given = [(self._slots, flux * self._shown[:, None], self._area)]
+        given = [(self._slots, flux * self._shown[:, None], self._seen)]
         if also is not None:
             pieces, sent = also
             slots = _Slots.of(self.cells.ravel()[self._cell(pieces.position)], pieces.normal)

@@ -38,9 +38,11 @@ Doubles = NDArray[np.float64]
 BY_RAYS = 2
 """Surfels for each that is asked for where light between them is found by rays, whose cost grows as their number: that
 of pairs grows as its square."""
-SHOWN = 0.25
-"""Part of its hemisphere open to beyond a cell of the volume, below which a place is taken to be in a gap: it sends no
-light as a virtual point light, as a ray to the middle of a surfel does not tell what hides it."""
+OPEN_CELLS = 4.0
+"""Cells of the volume beyond which the open part of its hemisphere says how much a place counts for its cell."""
+GAP = 0.1
+"""Part of its hemisphere open to beyond so many cells below which a place lies in a gap, and sends no light as a virtual
+point light: a ray to the middle of its surfel does not tell what hides it."""
 CONVERGED = 2e-3
 """Share of the flux that the bounces not computed have at most."""
 MOST_BOUNCES = 2000
@@ -205,10 +207,11 @@ class Radiosity(Prepared[RadiosityParams]):
         pieces = _parts(surfels) if len(surfels) or records is None else self._of_maps(records)[0]
         self._rays = shown = None
         if exact and len(surfels):
-            shown = open_shares(runtime, scene, surfels, extent / CELLS)
+            shown = open_shares(runtime, scene, surfels, OPEN_CELLS * extent / CELLS)
         self._cells = SurfaceCells(pieces, low, extent, _parts(device.unlit), shown)
-        self._hidden = np.zeros(len(surfels.part_area), np.bool_) if shown is None else shown < SHOWN
+        self._hidden = np.zeros(len(surfels.part_area), np.bool_)
         if shown is not None:
+            self._hidden = shown < GAP
             self._rays = SurfelRays(runtime, scene, surfels, self._cells)
 
     def _solved(

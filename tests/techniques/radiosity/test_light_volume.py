@@ -101,7 +101,7 @@ def test_pieces_count_as_they_are_shown() -> None:
     both = light([centre(4, 5, 6)] * 2, [[1, 0, 0]] * 2, [0.002, 0.002], [math.pi, 5 * math.pi])
     cells = SurfaceCells(both[0], LOW, EXTENT, shown=np.array((0.75, 0.25)))
     record = at(cells.light(both[1]), 4, 5, 6)[0]
-    np.testing.assert_allclose(record, [*[0.75 * 1.0 + 0.25 * 5.0] * 3, 0.002 / SIDE**2], rtol=1e-6)
+    np.testing.assert_allclose(record, [*[0.75 * 1.0 + 0.25 * 5.0] * 3, 0.004 / SIDE**2], rtol=1e-6)
 
 
 def test_without_surfaces_it_is_black() -> None:

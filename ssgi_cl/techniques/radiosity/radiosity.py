@@ -41,8 +41,8 @@ of pairs grows as its square."""
 OPEN_CELLS = 4.0
 """Cells of the volume beyond which the open part of its hemisphere says how much a place counts for its cell."""
 GAP = 0.1
-"""Part of its hemisphere open to beyond so many cells below which a place lies in a gap, and sends no light as a virtual
-point light: a ray to the middle of its surfel does not tell what hides it."""
+"""Part of its hemisphere open to beyond so many cells below which a place lies in a gap, and sends no light as a
+virtual point light: a ray to the middle of its surfel does not tell what hides it."""
 CONVERGED = 2e-3
 """Share of the flux that the bounces not computed have at most."""
 MOST_BOUNCES = 2000

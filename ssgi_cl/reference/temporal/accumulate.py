@@ -152,9 +152,11 @@ def _places(
         across, down = moved[..., 0], moved[..., 1]
         if motion.shape[2] == 3:
             expected = view.inner(depth) + moved[..., 2]
-    still = (np.maximum(np.abs(across), np.abs(down)) < STILL) & (scale == (1.0, 1.0))
-    column: Doubles = (own_column + np.where(still, 0.0, np.clip(across, -2e6, 2e6))) * scale[0]
-    row: Doubles = (own_row + np.where(still, 0.0, np.clip(down, -2e6, 2e6))) * scale[1]
+    across, down = np.clip(across, -2e6, 2e6), np.clip(down, -2e6, 2e6)
+    off = np.maximum(np.abs(across - np.rint(across)), np.abs(down - np.rint(down)))
+    whole = (off < STILL) & (scale == (1.0, 1.0))
+    column: Doubles = (own_column + np.where(whole, np.rint(across), across)) * scale[0]
+    row: Doubles = (own_row + np.where(whole, np.rint(down), down)) * scale[1]
     place = before.position(
         row + before.margin[0],
         column + before.margin[1],

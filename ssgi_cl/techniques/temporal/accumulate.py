@@ -121,6 +121,7 @@ class Accumulate(Prepared[AccumulateParams]):
         *,
         previous: DeviceGBuffer | None = None,
         history: DeviceHistory | None = None,
+        holds: bool = True,
     ) -> DeviceHistory:
         """Queue the passes; return the new history, whose `mean` is the result.
 
@@ -131,11 +132,12 @@ class Accumulate(Prepared[AccumulateParams]):
             value: of this frame, `channels` images of at most 1e18.
             previous: of the frame before, of any size.
             history: what the run for it returned; None begins anew.
+            holds: whether long means are held to what `clamp` says; not where nothing but the camera has changed.
         """
         camera, params = camera_of(gbuffer), self.params
         first = history is None or previous is None
         target = self._planes[history is self._planes[0]]
-        clamps = not first and params.clamp != "none" and params.limit > params.fast
+        clamps = holds and not first and params.clamp != "none" and params.limit > params.fast
         images = [target.mean, target.count, target.reasons]
         if clamps:
             images = [self.runtime.transient.plane(plane.count, self.size) for plane in images]

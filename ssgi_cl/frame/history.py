@@ -25,9 +25,9 @@ PATTERN = 4
 """Pixels along the side of the square that patterns of samples repeat with."""
 PAD = PATTERN - 1
 """Pixels by which an image exceeds the picture along rows and columns, so that patterns may lie elsewhere in it."""
-SHORT = 6
-"""Frames that a mean of direct light stands for at most: its shadows have edges, which each frame blurs that moves by a
-part of a pixel."""
+MOVING, MOVING_DIRECT = 8, 4
+"""Frames that means of light and of direct light stand for at most while the camera moves: each frame that moves by a
+part of a pixel blurs them, and shadows have edges."""
 RELIT = 1.0
 """`clamp_sigma` in a frame whose lights are others: most pixels have changed then."""
 Named = tuple[tuple[str, int], ...]
@@ -104,26 +104,30 @@ class _Part:
         runtime: the device.
         size: (rows, columns) of the image.
         names: what it has means of, and how many channels each has.
-        limit: frames that a mean stands for at most.
 
     Attributes:
         history: the latest means, one plane after the other; None: it begins anew.
     """
 
-    def __init__(self, runtime: Runtime, size: Size, names: Named, limit: int) -> None:
+    def __init__(self, runtime: Runtime, size: Size, names: Named) -> None:
         self.key, self.names = (runtime, size, names), names
-        params = AccumulateParams(limit=limit)
-        self._accumulate = Accumulate(runtime, size, params, sum(count for _, count in names))
+        self._accumulate = Accumulate(runtime, size, None, sum(count for _, count in names))
         self.history: DeviceHistory | None = None
 
     def add(
-        self, planes: Mapping[str, Plane], seen: DeviceGBuffer, before: DeviceGBuffer | None, sigma: float | None
+        self,
+        planes: Mapping[str, Plane],
+        seen: DeviceGBuffer,
+        before: DeviceGBuffer | None,
+        limit: int,
+        sigma: float | None,
     ) -> dict[str, Plane]:
         """Queue the passes that take the means; return them by name.
 
         Args:
             planes: of the frame.
             seen, before: G-buffers of the frame and of the one before.
+            limit: of the accumulation.
             sigma: `clamp_sigma` of the accumulation; None: means are held to nothing.
         """
         runtime, (_, size, _) = seen.runtime, self.key
@@ -132,8 +136,9 @@ class _Part:
             value.copy_image(first, plane, plane.count)
             first += plane.count
         earlier, self.history = self.history, None  # should a pass fail, the next frame begins anew
-        if sigma is not None:
-            self._accumulate.params = replace(self._accumulate.params, clamp_sigma=sigma)
+        latest = self._accumulate.params
+        held = latest.clamp_sigma if sigma is None else sigma
+        self._accumulate.params = replace(latest, limit=limit, clamp_sigma=held)
         self.history = self._accumulate.run(seen, value, previous=before, history=earlier, holds=sigma is not None)
         found, first = dict[str, Plane](), 0
         for name, plane in planes.items():
@@ -167,7 +172,7 @@ class FrameHistory:
     other light is then held to what the frame shows, see `accumulate`.
 
     Args:
-        limit: frames that a mean stands for at most, 1 to 4096.
+        limit: frames that a mean stands for at most, 1 to 4096; while the camera moves at most 8, of direct light 4.
 
     Raises:
         TypeError, ValueError: `limit` is not that.
@@ -231,6 +236,7 @@ class FrameHistory:
             scene, lights: of the frame.
             apart: planes whose means are short, and whether they begin anew where anything but the camera changes.
         """
+        assert seen.camera is not None  # noqa: S101  it was drawn
         lights, latest = tuple(lights), self._latest
         surfaces = self._surfaces(seen)
         if latest is None or surfaces is None or not _same_triangles(latest.scene, scene):
@@ -239,6 +245,7 @@ class FrameHistory:
         relit = latest is not None and not same(latest.lights, lights)
         if latest is None or relit or latest.scene is not scene:
             self._since = 0
+        stands = latest is not None and _same_place(latest.camera, seen.camera)
         self._latest = None
         groups = {"": {name: plane for name, plane in planes.items() if name not in apart}}
         groups |= {name: {name: planes[name]} for name in apart if name in planes}
@@ -248,12 +255,11 @@ class FrameHistory:
                 part = self._part(group, own, seen)
                 if apart.get(group, False) and self._since == 0:
                     part.history = None
+                limit = self.limit if stands else min(self.limit, MOVING_DIRECT if group else MOVING)
+                sigma = RELIT if relit else AccumulateParams.clamp_sigma
                 holds = self._since < AccumulateParams.fast and not apart.get(group, False)
-                found |= part.add(
-                    own, seen, surfaces, (RELIT if relit else AccumulateParams.clamp_sigma) if holds else None
-                )
+                found |= part.add(own, seen, surfaces, limit, sigma if holds else None)
         self._keep(seen)
-        assert seen.camera is not None  # noqa: S101  it was drawn
         shown = Shown.of(self.number, (seen.size[0] - PAD, seen.size[1] - PAD))
         self._latest = _Latest(seen.camera, scene, lights, shown)
         self._since += 1
@@ -267,8 +273,7 @@ class FrameHistory:
         key = seen.runtime, seen.size, names
         part = self._parts.get(group)
         if part is None or part.key != key:
-            limit = min(self.limit, SHORT) if group else self.limit
-            part = self._parts[group] = _Part(*key, limit)
+            part = self._parts[group] = _Part(*key)
         return part
 
     def _surfaces(self, seen: DeviceGBuffer) -> DeviceGBuffer | None:
@@ -325,3 +330,9 @@ def _same_triangles(before: Scene, now: Scene) -> bool:
         return True
     same_vertices = before.positions.shape == now.positions.shape
     return same_vertices and (before.triangles is now.triangles or np.array_equal(before.triangles, now.triangles))
+
+
+def _same_place(before: Camera, now: Camera) -> bool:
+    """Return whether two cameras of images see the same picture: a crop moves the image plane's origin alone."""
+    same_scale = all(before.projection[i, i] == now.projection[i, i] for i in (0, 1))
+    return same_scale and before.size == now.size and np.array_equal(before.view, now.view)

@@ -176,12 +176,12 @@ def test_a_thing_that_moves_keeps_its_history_and_leaves_no_shadow_behind(runtim
     floor = [[-2, 0, 2], [2, 0, 2], [2, 0, -2], [-2, 0, -2]]
     tile = [[-0.4, 0.3, 0.4], [0.4, 0.3, 0.4], [0.4, 0.3, -0.4], [-0.4, 0.3, -0.4]]
     scene = scene_of([*floor, *tile], [(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 7)], matt(0.7))
-    light = gi.DirectionalLight((0.0, -1.0, 0.0), (3.0, 3.0, 3.0))
+    light = gi.DirectionalLight((-1.0, -1.0, 0.0), (3.0, 3.0, 3.0))
     eye = Camera.look_at((0.0, 2.5, 2.5), (0, 0, 0), yfov=0.9, width=64, height=48)
     history = gi.FrameHistory()
     for number in range(8):
         shift = np.eye(4)
-        shift[0, 3] = 0.1 * number
+        shift[:2, 3] = 0.05 * number, 0.18 * number  # more than two footprints of a pixel, .07 each
         now = moved(scene, shift, vertices=np.arange(8) >= 4)
         frame = gi.render(now, eye, [light], history=history, runtime=runtime, **FAST)
     alone = gi.render(now, eye, [light], gbuffer=True, runtime=runtime, **FAST)

@@ -44,6 +44,8 @@ MADE_OF = {
 PICTURE = frozenset(("image", "radiance"))
 """Outputs of a frame that was asked for none by name; it holds the planes too that were made for them."""
 PLANES = frozenset(("ao", "indirect"))
+TURNS = 4096
+"""Frames of a history after which the slices of ambient occlusion turn as in the first."""
 
 
 def default_ao_radius(scene: Scene, camera: Camera, runtime: Runtime) -> float:
@@ -169,13 +171,7 @@ class Renderer:
         return default_ao_radius(scene, camera, self.runtime)
 
     def _given(
-        self,
-        scene: Scene,
-        camera: Camera,
-        lights: tuple[Light, ...],
-        params: FrameParams,
-        radius: float,
-        history: FrameHistory | None,
+        self, scene: Scene, camera: Camera, lights: tuple[Light, ...], params: FrameParams, radius: float
     ) -> dict[str, Any]:
         """Return the resources that are given; note suns that are split off environments, and why rays of bounces go
         through the occupancy grid."""
@@ -189,10 +185,7 @@ class Renderer:
                     "rays against triangles", f"{why}: rays of bounces go through the occupancy grid", 0.0
                 )
         occlusion, bounce = params.techniques(radius)
-        if history is not None and isinstance(occlusion, SliceParams):
-            occlusion = replace(occlusion, frame=history.number)
         return {
-            of.HISTORY: history,
             of.SCENE: scene,
             of.CASTING: casting,
             of.CAMERA: camera,
@@ -231,7 +224,11 @@ class Renderer:
                 self._graph.forget("G-buffer")
         radius = self._radius(scene, picture, params)  # queues passes of its own
         with self.runtime.frame(self._graph.costs):
-            given = self._given(scene, camera, lights, params, radius, history)
+            given = self._given(scene, camera, lights, params, radius)
+            if history is not None:
+                given[of.HISTORY] = history
+                if isinstance(given[of.AO_PARAMS], SliceParams):  # slices turn on from frame to frame
+                    given[of.AO_PARAMS] = replace(given[of.AO_PARAMS], frame=history.number % TURNS)
             run = self._graph.run(given, self._wanted(names), also, tell)
             self._record, made, seen = run.record, run.values, run.values[of.GBUFFER]
             visibility, irradiance = (made.get(name) if name in also else None for name in (occlusion, reflected))

@@ -45,7 +45,7 @@ $(STAMP): pyproject.toml Makefile tools/system-packages.sh
 	@PYTHON=$(PYTHON) sh tools/system-packages.sh & \
 	$(PYTHON) -m venv $(VENV) && \
 	$(BIN)/python -m pip install --quiet --upgrade pip && \
-	$(BIN)/python -m pip install --quiet --editable '.[pocl,opengl,draco,truth,plots,cluster,docs,viewer,test]'; \
+	$(BIN)/python -m pip install --quiet --editable '.[pocl,opengl,draco,truth,plots,cluster,docs,video,viewer,test]'; \
 	status=$$?; wait; exit $$status
 	@touch $(STAMP)
 

@@ -33,6 +33,7 @@ from .device.history import DeviceHistory as DeviceHistory
 from .device.rsm import DeviceRsm as DeviceRsm
 from .device.runtime import Runtime as Runtime
 from .device.timing import PassTime as PassTime
+from .frame.history import FrameHistory as FrameHistory
 from .frame.params import FrameParams as FrameParams
 from .frame.params import WholeFrameParams as WholeFrameParams
 from .frame.render import render as render

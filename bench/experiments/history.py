@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.bench.experiments import steadiness
+from ssgi_cl.bench.experiments.pans import table
 from ssgi_cl.bench.experiments.shots import SHOTS, Shot
 from ssgi_cl.bench.wording import NOTHING, markdown
 from ssgi_cl.core.gbuffer import GBuffer
@@ -35,10 +36,14 @@ FIRST = 8
 """Frame from which on errors count: a history has begun by then."""
 MODEL = 64
 """Frames whose mean is the model."""
+PAN = 24
+"""Frames of a pan, at most."""
 PATTERN = 4
 """Pixels along the side of the square that the pattern of lights repeats with."""
 SAMPLES = 64
 """Texels that a pixel gathers light from."""
+YOUNG = 2
+"""`young` of the accumulation in the rows that have it."""
 MANY, FEW = 8, 1
 """Slices without a history, and with one."""
 _HEAD = ("sequence", "method", "RMSE, rays", "RMSE, model", "temporal noise", "RMSE, uncovered", "lag, frames")
@@ -88,6 +93,7 @@ def film(shots: Iterator[Shot], rays: int, runtime: Runtime, **params: Any) -> F
     made = Film()
     before: Shot | None = None
     history: History | None = None
+    filled: History | None = None
     for number, shot in enumerate(shots):
         earlier = before or shot
         gbuffer = drawn(
@@ -111,8 +117,10 @@ def film(shots: Iterator[Shot], rays: int, runtime: Runtime, **params: Any) -> F
             values = {f"{FEW} slice": one, f"{MANY} slices": many}
         previous = made.gbuffers[-1] if made.gbuffers else None
         mean, history = accumulate(one, gbuffer, previous, history, runtime=runtime, **params)
+        joined, filled = accumulate(one, gbuffer, previous, filled, runtime=runtime, **{"young": YOUNG, **params})
         first = next(iter(values))
-        for name, image in {**values, f"{first}, history": mean}.items():
+        means = {f"{first}, history": mean, f"{first}, history, young": joined}
+        for name, image in {**values, **means}.items():
             made.images.setdefault(name, []).append(image)
         made.gbuffers.append(gbuffer)
         before = shot
@@ -201,10 +209,20 @@ def alternated(methods: Mapping[str, Any], repeats: int, runtime: Runtime) -> di
 @click.option("--shot", "names", multiple=True, type=click.Choice(tuple(SHOTS)), help="A sequence; several. All.")
 @click.option("--clamp", type=click.Choice(("neighbourhood", "fast", "none")), help="Of the accumulation.")
 @click.option("--repeats", default=25, show_default=True, help="Turns of the timing.")
+@click.option("--whole", multiple=True, metavar="SCENE", help="A slow pan of whole frames too; several.")
+@click.option("--samples", default=32, show_default=True, type=click.IntRange(1, 1024), help="Of their references.")
 def main(
-    size: tuple[int, int], frames: int, rays: int, names: tuple[str, ...], clamp: Clamp | None, repeats: int
+    size: tuple[int, int],
+    frames: int,
+    rays: int,
+    names: tuple[str, ...],
+    clamp: Clamp | None,
+    repeats: int,
+    whole: tuple[str, ...],
+    samples: int,
 ) -> None:
-    """Print RMSE, temporal noise, ghosting and lag of sequences with and without a history."""
+    """Print RMSE, temporal noise, ghosting and lag of sequences with and without a history, then of whole frames
+    flicker, FLIP and RMSE."""
     runtime = Runtime.open()
     params = {} if clamp is None else {"clamp": clamp}
     own: Size = (size[1], size[0])
@@ -212,6 +230,8 @@ def main(
     click.echo(told(results))
     for name, ms in times(own, repeats, runtime).items():
         click.echo(f"{name}: {ms:.2f} ms")
+    if whole:
+        click.echo(table(whole, own, min(frames, PAN), samples, runtime))
 
 
 if __name__ == "__main__":

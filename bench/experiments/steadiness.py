@@ -83,6 +83,60 @@ def lag(images: Images, references: Images, switched: int) -> int:
     return -1
 
 
+def flicker(images: Images, references: Images, gbuffers: Sequence[GBuffer]) -> float:
+    """Return the mean change from frame to frame beyond that of the references, from the second image on.
+
+    A change is that of the logarithm of luminance after reprojection, |log(L + .01) - log(L' + .01)|, L' the previous
+    image between the pixels where the motion leads. Where the reference changes as much, as at edges and fine textures,
+    nothing counts. Pixels that the previous image did not show do not count.
+
+    Args:
+        images, references: radiance [rows, columns, 3], W m^-2 sr^-1.
+        gbuffers: of the same frames, without margin, with motion of three components.
+    """
+    found = []
+    for i in range(1, len(images)):
+        depth, motion, before = (
+            gbuffers[i].first("depth"),
+            gbuffers[i].first("motion"),
+            gbuffers[i - 1].first("depth"),
+        )
+        assert depth is not None  # noqa: S101  every G-buffer has one
+        assert before is not None  # noqa: S101
+        if motion is None or motion.shape[2] != 3:
+            raise ValueError("a G-buffer has no motion of three components")
+        row, column = np.indices(gbuffers[i].size)
+        x: Doubles = column.astype(np.float64) + np.clip(motion[..., 0], -1e5, 1e5)
+        y: Doubles = row.astype(np.float64) + np.clip(motion[..., 1], -1e5, 1e5)
+        rows, columns = before.shape
+        there = np.isfinite(depth) & (x >= 0.0) & (x <= columns - 1) & (y >= 0.0) & (y <= rows - 1)
+        x[~there] = y[~there] = 0.0
+        expected = np.where(there, depth + motion[..., 2], 1.0)
+        seen = before[np.rint(y).astype(int), np.rint(x).astype(int)]
+        there &= np.abs(np.where(np.isfinite(seen), seen, 0.0) - expected) <= DEPTH * expected
+        change, own = (
+            np.abs(_logarithm(array[i]) - _between(_logarithm(array[i - 1]), x, y)) for array in (images, references)
+        )
+        found.append(np.maximum(change - own, 0.0)[there])
+    values = np.concatenate(found)
+    return float(values.mean()) if values.size else float("nan")
+
+
+def _logarithm(radiance: NDArray[np.floating]) -> Doubles:
+    result: Doubles = np.log(np.asarray(radiance, np.float64).mean(axis=-1) + 0.01)
+    return result
+
+
+def _between(image: Doubles, x: Doubles, y: Doubles) -> Doubles:
+    """Return an image between its pixels, at columns and rows within it."""
+    left, top = (np.clip(v.astype(int), 0, n - 2) for v, n in ((x, image.shape[1]), (y, image.shape[0])))
+    fx, fy = x - left, y - top
+    upper = image[top, left] * (1.0 - fx) + image[top, left + 1] * fx
+    lower = image[top + 1, left] * (1.0 - fx) + image[top + 1, left + 1] * fx
+    result: Doubles = upper * (1.0 - fy) + lower * fy
+    return result
+
+
 def _squared(image: NDArray[np.floating], reference: NDArray[np.floating]) -> Doubles:
     """Return squared errors [rows, columns], of colours their mean over channels."""
     error = np.asarray(image, np.float64) - np.asarray(reference, np.float64)

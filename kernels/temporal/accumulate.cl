@@ -36,7 +36,7 @@
 #define ACCUMULATE_LEAST                                                                           \
     0.015625f // share of the four taps that has to pass, so that rounding is no tap
 #define ACCUMULATE_STILL                                                                           \
-    0.001953125f            // pixels: shorter motion is none, so that nothing is blurred by it
+    0.001953125f            // pixels: so near to whole ones motion is these, which blurs nothing
 #define ACCUMULATE_FAR 2e6f // pixels, beyond any image
 
 __kernel void accumulate(ssgi_plane value, ssgi_plane depth,
@@ -108,10 +108,14 @@ __kernel void accumulate(ssgi_plane value, ssgi_plane depth,
         (ssgi_row(camera_before, qy / before) - (float)params.before_rows) / params.scale_y -
         own_row;
 #endif
-    const vmask still = v_lt(v_max(v_abs(across), v_abs(down)), v_splat(ACCUMULATE_STILL)) &
-                        v_eq(v_splat(params.scale_x), one) & v_eq(v_splat(params.scale_y), one);
-    across = v_select(v_clamp(across, -ACCUMULATE_FAR, ACCUMULATE_FAR), zero, still);
-    down = v_select(v_clamp(down, -ACCUMULATE_FAR, ACCUMULATE_FAR), zero, still);
+    across = v_clamp(across, -ACCUMULATE_FAR, ACCUMULATE_FAR);
+    down = v_clamp(down, -ACCUMULATE_FAR, ACCUMULATE_FAR);
+    const vfloat near_x = v_floor(across + 0.5f), near_y = v_floor(down + 0.5f);
+    const vmask whole_pixels =
+        v_lt(v_max(v_abs(across - near_x), v_abs(down - near_y)), v_splat(ACCUMULATE_STILL)) &
+        v_eq(v_splat(params.scale_x), one) & v_eq(v_splat(params.scale_y), one);
+    across = v_select(across, near_x, whole_pixels);
+    down = v_select(down, near_y, whole_pixels);
     // In the previous image.
     const vfloat column = (own_column + across) * params.scale_x;
     const vfloat row = (own_row + down) * params.scale_y;

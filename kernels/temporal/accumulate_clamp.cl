@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: MIT
-// accumulate_clamp: a long mean, moved where the pixels around show that it is no longer right.
+// accumulate_clamp: a long mean, moved where the pixels around show that it is no longer right; and
+// a mean of few frames, with those around.
 //
 // Method:  the mean difference between source and mean, over the pixels around that show the same
 //          surface, is a change if it exceeds some of its standard errors; then it is added, up to
-//          the least and greatest source there
+//          the least and greatest source there. Means of less than params.young frames become those
+//          of the pixels there, weighted by their frames
 // Reads:   blended  ACCUMULATE_COUNT x [rows, columns]: the mean; frames, why: as `accumulate`
 // wrote
 //          source   likewise: the frame's own value, or the mean of few frames
@@ -43,8 +45,9 @@ __kernel void accumulate_clamp(ssgi_plane blended, ssgi_plane frames, ssgi_plane
     const vfloat before = ssgi_load(frames, size, 0, x, y);
     // Shorter means are those of few frames themselves.
     const vmask longer = there & v_lt(v_splat(params.fast), before);
+    const vmask young = there & v_lt(before, v_splat(params.young - 0.5f)); // rounded
     vmask changed = v_splat_int(0);
-    if (v_any(longer)) {
+    if (v_any(longer | young)) {
         const TemporalPoint point =
             temporal_point(camera, v_to_float(v_iota() + at_x) + 0.5f, v_splat((float)at_y + 0.5f),
                            v_select(one, z, there), ssgi_load(normal, whole, 0, at_x, at_y),
@@ -52,8 +55,9 @@ __kernel void accumulate_clamp(ssgi_plane blended, ssgi_plane frames, ssgi_plane
                            ssgi_load(normal, whole, 2, at_x, at_y), params.plane_distance);
         vfloat pixels = zero, sum[ACCUMULATE_COUNT], squares[ACCUMULATE_COUNT];
         vfloat least[ACCUMULATE_COUNT], most[ACCUMULATE_COUNT];
+        vfloat weights = zero, around[ACCUMULATE_COUNT];
         for (int c = 0; c < ACCUMULATE_COUNT; ++c) {
-            sum[c] = squares[c] = zero;
+            sum[c] = squares[c] = around[c] = zero;
             least[c] = most[c] = ssgi_load(source, size, c, x, y);
         }
         const int first = max(-ACCUMULATE_REACH, -y);
@@ -72,12 +76,16 @@ __kernel void accumulate_clamp(ssgi_plane blended, ssgi_plane frames, ssgi_plane
                     ssgi_load(normal, whole, 2, at_x + dx, at_y + dy), params.least_cosine);
                 const vmask fits = some & v_le(off, point.most) & ~turned;
                 pixels = pixels + v_select(zero, one, fits);
+                const vfloat weight =
+                    v_select(zero, ssgi_load(frames, size, 0, x + dx, y + dy), fits);
+                weights = weights + weight;
                 for (int c = 0; c < ACCUMULATE_COUNT; ++c) {
+                    const vfloat theirs = ssgi_load(blended, size, c, x + dx, y + dy);
+                    around[c] = v_fma(weight, v_select(zero, theirs, fits), around[c]);
                     // Each from its own mean, so that what differs from pixel to pixel is no
                     // change.
                     const vfloat now = ssgi_load(source, size, c, x + dx, y + dy);
-                    const vfloat step =
-                        v_select(zero, now - ssgi_load(blended, size, c, x + dx, y + dy), fits);
+                    const vfloat step = v_select(zero, now - theirs, fits);
                     least[c] = v_select(least[c], v_min(least[c], now), fits);
                     most[c] = v_select(most[c], v_max(most[c], now), fits);
                     sum[c] = sum[c] + step;
@@ -94,7 +102,10 @@ __kernel void accumulate_clamp(ssgi_plane blended, ssgi_plane frames, ssgi_plane
             const vmask beyond = longer & v_lt(error, v_abs(sum[c]));
             const vfloat moved = v_min(v_max(v_fma(sum[c], inverse, was), least[c]), most[c]);
             changed |= beyond;
-            ssgi_store(v_select(was, moved, beyond), mean, size, c, x, y, 0.0f);
+            const vmask joins = young & v_lt(zero, weights);
+            const vfloat joined = around[c] / v_select(one, weights, joins);
+            ssgi_store(v_select(v_select(was, moved, beyond), joined, joins), mean, size, c, x, y,
+                       0.0f);
         }
     } else {
         for (int c = 0; c < ACCUMULATE_COUNT; ++c) {

@@ -25,14 +25,39 @@ MOST_LISTED = 20
 """Failures and gaps that are printed, at most."""
 
 
-cameras_option = click.option(
-    "--cameras",
-    "cameras",
-    metavar="FILE",
-    type=click.Path(path_type=Path),
-    help="A picture for each camera of a JSON file: a list of such cameras, or an object that has it as 'cameras'. "
-    "The output's name needs #### for their numbers, from 1 on.",
-)
+def cameras_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add --cameras, --fps, --history and --video."""
+    for option in (
+        click.option(
+            "--video",
+            metavar="FILE",
+            type=click.Path(path_type=Path),
+            help="Write the pictures of --cameras, .png, as an .mp4 file too (extra 'video').",
+        ),
+        click.option(
+            "--history",
+            is_flag=True,
+            help="Reuse light of earlier frames of --cameras, which are then the frames of one shot, in their order.",
+        ),
+        click.option(
+            "--fps",
+            type=float,
+            default=24.0,
+            show_default=True,
+            help="Frames a second of an animation in --cameras, and of --video.",
+        ),
+        click.option(
+            "--cameras",
+            "cameras",
+            metavar="FILE",
+            type=click.Path(path_type=Path),
+            help="A picture for each camera of a JSON file: a list of such cameras, or an object that has it as "
+            "'cameras'; or for each frame of an animation of a .glb or .gltf file, of the first camera that moves or "
+            "of --camera. The output's name needs #### for their numbers, from 1 on.",
+        ),
+    ):
+        command = option(command)
+    return command
 
 
 def frames_options(command: Callable[..., Any]) -> Callable[..., Any]:

@@ -10,8 +10,8 @@ import click
 
 from ssgi_cl.cli.facts import camera_facts, light_facts
 from ssgi_cl.cli.frame_arguments import CULL, frame_arguments
-from ssgi_cl.cli.frames import cameras_option, frames_options
-from ssgi_cl.cli.views import render_views
+from ssgi_cl.cli.frames import cameras_options, frames_options
+from ssgi_cl.cli.views import Shot, render_views
 from ssgi_cl.frame.params import AO_DEFAULT, BOUNCES, DEFAULT_PRESET, PRESETS
 from ssgi_cl.frame.render import Frame, render
 from ssgi_cl.frame.skips import ONE_PICTURE, SKIPS
@@ -34,7 +34,7 @@ from ssgi_cl.techniques.catalogue import TECHNIQUES
 _GROUPS = {
     "Output": ("output", "views", "width", "height", "exposure"),
     "Scene and camera": ("eye", "target", "up", "fov", "camera", "cull", "no_textures"),
-    "Many pictures": ("cameras", "frames", "again", "scheduler"),
+    "Many pictures": ("cameras", "frames", "history", "fps", "video", "again", "scheduler"),
     "Light": (
         *("ambient", "environment", "bounces", "ao", "ao_radius", "ao_samples"),
         *("indirect", "method", "vpls", "glossy_vpls", "indirect_ao"),
@@ -71,7 +71,7 @@ _GROUPS = {
     "SCENE with .scene.json at its end, else SCENE's first camera, else one that shows "
     "the scene well.",
 )
-@cameras_option
+@cameras_options
 @click.option(
     "--cull",
     type=click.Choice(list(CULL)),
@@ -173,6 +173,9 @@ def render_command(
     scene: str,
     output: Path,
     cameras: Path | None,
+    fps: float,
+    history: bool,
+    video: Path | None,
     frames: str | None,
     again: bool,
     scheduler: str | None,
@@ -189,13 +192,15 @@ def render_command(
 
     With --cameras the scene is loaded once, and a picture drawn for each; what is done already is skipped, and the
     exit status is 1 if any failed. Without lights of its own the scene is lit as for the first camera in all of
-    them.
+    them. With --history a run that goes on after an interruption renders up to 32 frames before what is missing
+    again, for their light.
     """
     if cameras is not None:
-        render_views(scene, cameras, output, options, frames, again=again, scheduler=scheduler, as_json=as_json)
+        shot = Shot(cameras, frames, fps=fps, history=history, video=video)
+        render_views(scene, shot, output, options, again=again, scheduler=scheduler, as_json=as_json)
         return
-    if frames is not None or again or scheduler is not None:
-        raise click.UsageError("--frames, --again and --scheduler go with --cameras")
+    if frames is not None or again or scheduler is not None or history or video is not None:
+        raise click.UsageError("--frames, --history, --video, --again and --scheduler go with --cameras")
     _render_one(scene, output, options, as_json=as_json)
 
 

@@ -171,15 +171,15 @@ class Plane:
                     np.copyto(target, image)
         return out
 
-    def copy_image(self, index: int, source: Plane, count: int = 1) -> None:
-        """Queue a copy of the first images of `source`, of the same size, to those from `index` on."""
+    def copy_image(self, index: int, source: Plane, count: int = 1, first: int = 0) -> None:
+        """Queue a copy of the images of `source` from `first` on, of the same size, to those from `index` on."""
         if source.size != self.size:
             raise ValueError(f"source has size {source.size}: expected {self.size}")
         size = self.size[0] * self.pitch * 4
         self.runtime.touch()
         self._image_is_current = False
         row = self.pitch * 4
-        places = {"byte_count": count * size, "src_offset": row, "dst_offset": row + index * size}
+        places = {"byte_count": count * size, "src_offset": row + first * size, "dst_offset": row + index * size}
         event = opencl().enqueue_copy(self.runtime.queue, self.buffer, source.buffer, **places)
         self.runtime.record("copy", event)
 

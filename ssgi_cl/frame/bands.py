@@ -38,6 +38,8 @@ def rendered_in_bands(render: Callable[P, Frame]) -> Callable[P, Frame]:
         if given is None:
             return render(*args, **kwargs)
         most = memory_limit(given)
+        if kwargs.get("history") is not None:
+            raise ValueError(f"max_memory is {most}: expected None with a history, which is of whole pictures")
         arguments, camera, params, runtime = WholeCall.of(render, args, kwargs, "max_memory")
         if params.gbuffer or "gbuffer" in (params.outputs or ()):
             raise ValueError(f"max_memory is {most}: expected no G-buffer in the frame, rasterize.gbuffer draws it")

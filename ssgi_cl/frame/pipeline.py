@@ -12,6 +12,7 @@ from ssgi_cl.frame.passes.combine import combine
 from ssgi_cl.frame.passes.direct_light import direct_light
 from ssgi_cl.frame.passes.gather import gather
 from ssgi_cl.frame.passes.gbuffer import gbuffer
+from ssgi_cl.frame.passes.history import history
 from ssgi_cl.frame.passes.one_bounce import one_bounce
 from ssgi_cl.frame.passes.reflections import reflections
 from ssgi_cl.frame.passes.resources import DIRECT, INDIRECT, PUNCTUAL, SKY_LIGHT
@@ -45,6 +46,7 @@ def fully_lit(build: Build) -> list[Stage]:
         area_lights(build),
         sky_light(build),
         gather(build),
+        *history(build),
         combine(build, DIRECT, SKY_LIGHT, INDIRECT),
         reflections(build),
     ]
@@ -65,7 +67,7 @@ def direct_frame(build: Build) -> list[Stage]:
 
 def directly_lit(build: Build) -> list[Stage]:
     """Return the passes of direct and ambient light at the surfaces of a G-buffer."""
-    return [direct_light(build), combine(build, DIRECT, ambient=True)]
+    return [direct_light(build), *history(build), combine(build, DIRECT, ambient=True)]
 
 
 def one_bounce_frame(build: Build) -> list[Stage]:
@@ -76,6 +78,7 @@ def one_bounce_frame(build: Build) -> list[Stage]:
         shadow_maps(build),
         direct_light(build),
         one_bounce(build),
+        *history(build),
         combine(build, DIRECT, INDIRECT, ambient=True),
         *smooth_edges(build),
         blended_layers(build, directly_lit),
@@ -90,6 +93,7 @@ def ssdo_frame(build: Build) -> list[Stage]:
         *ambient_occlusion(build),
         shadow_maps(build),
         ssdo(build),
+        *history(build),
         combine(build, DIRECT, INDIRECT),
         *smooth_edges(build),
         blended_layers(build, directly_lit),

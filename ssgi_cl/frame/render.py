@@ -12,6 +12,7 @@ from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.progress import Preparing, Progress, part_of, told
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.frame.bands import rendered_in_bands
+from ssgi_cl.frame.history import FrameHistory
 from ssgi_cl.frame.params import FrameParams
 from ssgi_cl.frame.renderer import Renderer, default_ao_radius
 from ssgi_cl.frame.result import Frame
@@ -53,6 +54,7 @@ def render(
     skips: bool | Iterable[str] = True,
     samples: int = 1,
     max_memory: int | None = None,
+    history: FrameHistory | None = None,
     runtime: Runtime | None = None,
     progress: Progress = None,
 ) -> Frame:
@@ -119,6 +121,9 @@ def render(
             are means too; the G-buffer is that of pixel centres.
         max_memory: most bytes of device memory, the scene and its maps counted; a larger picture is
             rendered in bands of rows that are blended where they meet. By default all there is.
+        history: means of the sequence that this is the next frame of, which the frame changes; then ambient
+            occlusion and light are means over frames. Without it, frames do not depend on those before.
+            Not with several `samples` or `max_memory`.
         runtime: the device; by default the fastest found.
         progress: called with the share of the passes that is done, which grows to 1, kernels that are compiled
             first among them; the device is waited for after each. True: a bar in terminals and notebooks.
@@ -132,19 +137,28 @@ def render(
     given = {name: value for name, value in locals().items() if name in parameter_fields(FrameParams)}
     if not isinstance(camera, Camera):
         raise TypeError(f"camera is {camera!r}: expected an ssgi_cl.Camera")
+    if history is not None and not isinstance(history, FrameHistory):
+        raise TypeError(f"history is {type(history).__name__}: expected an ssgi_cl.FrameHistory, or None")
     lights = light_tuple(lights)
-    return _drawn(scene, camera, lights, FrameParams(**given), runtime or Runtime.open(), progress)
+    return _drawn(scene, camera, lights, FrameParams(**given), runtime or Runtime.open(), history, progress)
 
 
 def _drawn(
-    scene: Scene, camera: Camera, lights: Sequence[Light], params: FrameParams, runtime: Runtime, progress: Progress
+    scene: Scene,
+    camera: Camera,
+    lights: Sequence[Light],
+    params: FrameParams,
+    runtime: Runtime,
+    history: FrameHistory | None,
+    progress: Progress,
 ) -> Frame:
     with told(progress, "rendering") as tell:
         made = Preparing(tell)
         with runtime.programs.watched(made):
             device_scene(scene, runtime)
             renderer: Renderer = runtime.prepared(
-                (Renderer, camera.size, params.shape()), lambda: Renderer(runtime, camera.size, params)
+                (Renderer, camera.size, params.shape(), history is not None),
+                lambda: Renderer(runtime, camera.size, params, history=history is not None),
             )
         renderer.params = params
-        return renderer(scene, camera, lights, progress=part_of(tell, made.share, 1.0))
+        return renderer(scene, camera, lights, history=history, progress=part_of(tell, made.share, 1.0))

@@ -7,6 +7,7 @@ from dataclasses import replace
 from time import perf_counter
 from typing import Any, Unpack
 
+from ssgi_cl.core import checks
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.keywords import check_names
 from ssgi_cl.core.lights import Light
@@ -19,6 +20,7 @@ from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.progress import Progress, Told, told
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.graph import Graph
+from ssgi_cl.frame.history import FrameHistory, Shown, image_size
 from ssgi_cl.frame.params import CONTACT, FrameKeywords, FrameParams, cell_size
 from ssgi_cl.frame.passes import resources as of
 from ssgi_cl.frame.passes.build import Build
@@ -28,6 +30,7 @@ from ssgi_cl.frame.record import GraphRecord
 from ssgi_cl.frame.result import Frame
 from ssgi_cl.rasterize.raster.view import downloaded
 from ssgi_cl.rasterize.raster.visible_extent import visible_extent
+from ssgi_cl.techniques.ao.slices import SliceParams
 from ssgi_cl.techniques.occupancy.scene_rays import why_grid
 
 MADE_OF = {
@@ -41,6 +44,8 @@ MADE_OF = {
 PICTURE = frozenset(("image", "radiance"))
 """Outputs of a frame that was asked for none by name; it holds the planes too that were made for them."""
 PLANES = frozenset(("ao", "indirect"))
+TURNS = 4096
+"""Frames of a history after which the slices of ambient occlusion turn as in the first."""
 
 
 def default_ao_radius(scene: Scene, camera: Camera, runtime: Runtime) -> float:
@@ -60,6 +65,7 @@ class Renderer:
         runtime: the device.
         size: (rows, columns) of the pictures.
         params: of frames, by default those of `render`.
+        history: whether ambient occlusion and light are means over the frames before, see `FrameHistory`.
         **given: fields of `FrameParams`, by the names that `render` has, in place of those in `params`.
 
     Raises:
@@ -67,17 +73,26 @@ class Renderer:
 
     Attributes:
         params: of the next frame; others of the same `FrameParams.shape` may be set.
+        history: the means, or None; `FrameHistory.reset` it after a cut.
     """
 
     def __init__(
-        self, runtime: Runtime, size: Size, params: FrameParams | None = None, **given: Unpack[FrameKeywords]
+        self,
+        runtime: Runtime,
+        size: Size,
+        params: FrameParams | None = None,
+        *,
+        history: bool = False,
+        **given: Unpack[FrameKeywords],
     ) -> None:
         self.runtime = runtime
         self.size = size
         check_names("Renderer()", given, parameter_fields(FrameParams))
         values: Any = given
         self._params = params = FrameParams(**values) if params is None else replace(params, **values)
-        build = Build(runtime, size, params)
+        checks.switch("history", history)
+        self.history = FrameHistory() if history else None
+        self._build = build = Build(runtime, image_size(size) if history else size, params, history=history)
         self._target = build.rasterizer.target
         self._graph = Graph(runtime, PIPELINES[params.kind](build), keep="unchanged" in params.skips)
         self._record: GraphRecord | None = None
@@ -104,12 +119,22 @@ class Renderer:
         lights: Sequence[Light],
         *,
         progress: Progress = None,
+        history: FrameHistory | None = None,
         **changes: Unpack[FrameKeywords],
     ) -> Frame:
-        """Render one frame; see `render`. `changes` are other values of parameters for it alone."""
+        """Render one frame; see `render`.
+
+        Args:
+            scene, camera, lights, progress: as of `render`.
+            history: of another sequence than that of `self.history`, of a renderer that has one.
+            **changes: other values of parameters for this frame alone.
+        """
         params = self._changed(changes) if changes else self._params
+        if history is not None and self.history is None:
+            raise ValueError("history is given: expected None, or a Renderer that was made with history=True")
+        taken = history or self.history
         with told(progress, "rendering") as tell:
-            return self.runtime.exclusively(lambda: self._frame(scene, camera, tuple(lights), params, tell))
+            return self.runtime.exclusively(lambda: self._frame(scene, camera, tuple(lights), params, tell, taken))
 
     def _changed(self, changes: Mapping[str, Any]) -> FrameParams:
         """Return the parameters with other values, checked once for frames with the same changes."""
@@ -125,14 +150,17 @@ class Renderer:
         """Return the frame graph: that of the latest frame, or what a first one would run."""
         if self._record is not None:
             return self._record
-        given = of.SCENE, of.CASTING, of.CAMERA, of.LIGHTS, of.SKY, of.MULTI_BOUNCE, of.AO_PARAMS, of.INDIRECT_PARAMS
+        given = [of.SCENE, of.CASTING, of.CAMERA, of.LIGHTS, of.SKY, of.MULTI_BOUNCE, of.AO_PARAMS, of.INDIRECT_PARAMS]
+        if self.history is not None:
+            given.append(of.HISTORY)
         return self._graph.planned(given, self._wanted(PICTURE))
 
     def _wanted(self, outputs: frozenset[str]) -> set[str]:
         """Return the resources that outputs are made of, as far as frames of this kind have them."""
         names = outputs if "outputs" in self._params.skips else outputs | {"image"}
         made = {name for stage in self._graph.stages for name in stage.writes}
-        return {of.GBUFFER}.union(*(MADE_OF[name] for name in names)) & made
+        needed = {of.GBUFFER}.union(*(MADE_OF[name] for name in names))
+        return set(map(self._build.steady, needed)) & made
 
     def _radius(self, scene: Scene, camera: Camera, params: FrameParams) -> float:
         """Return the radius of ambient occlusion and SSDO where none is given."""
@@ -170,33 +198,54 @@ class Renderer:
         }
 
     def _frame(
-        self, scene: Scene, camera: Camera, lights: tuple[Light, ...], params: FrameParams, tell: Told | None
+        self,
+        scene: Scene,
+        camera: Camera,
+        lights: tuple[Light, ...],
+        params: FrameParams,
+        tell: Told | None,
+        history: FrameHistory | None,
     ) -> Frame:
         start = perf_counter()
+        shown, picture = Shown(0, 0, self.size), camera
+        if history is not None:
+            if camera.size != self.size:
+                raise ValueError(f"camera has size {camera.size} (rows, columns): expected {self.size}")
+            shown = history.shown(self.size)
+            camera = shown.camera(camera)
         names = PICTURE if params.outputs is None else frozenset(params.outputs)
         planes = names & PLANES if params.outputs is not None else PLANES
-        also = {name for output in planes for name in MADE_OF[output]}
+        occlusion, reflected = self._build.steady(of.AO), self._build.steady(of.INDIRECT)
+        also = {{"ao": occlusion, "indirect": reflected}[output] for output in planes}
         holds = params.gbuffer or "gbuffer" in names
         if holds:  # normals stay in world space, and are drawn anew if they did not
             self._target.world = "kept"
             if not self._target.has_world:
                 self._graph.forget("G-buffer")
-        radius = self._radius(scene, camera, params)  # queues passes of its own
+        radius = self._radius(scene, picture, params)  # queues passes of its own
         with self.runtime.frame(self._graph.costs):
-            run = self._graph.run(self._given(scene, camera, lights, params, radius), self._wanted(names), also, tell)
+            given = self._given(scene, camera, lights, params, radius)
+            if history is not None:
+                given[of.HISTORY] = history
+                if isinstance(given[of.AO_PARAMS], SliceParams):  # slices turn on from frame to frame
+                    given[of.AO_PARAMS] = replace(given[of.AO_PARAMS], frame=history.number % TURNS)
+            run = self._graph.run(given, self._wanted(names), also, tell)
             self._record, made, seen = run.record, run.values, run.values[of.GBUFFER]
-            visibility, reflected = (made.get(name) if name in also else None for name in (of.AO, of.INDIRECT))
+            visibility, irradiance = (made.get(name) if name in also else None for name in (occlusion, reflected))
             levels = made.get(of.LEVELS) if holds else None
+            counts = history.counts() if history is not None else None
             frame = Frame(
-                _image=made[of.IMAGE].copy() if "image" in names else None,
-                ao=None if visibility is None else visibility.download(region=seen.seen)[0],
-                indirect=None if reflected is None else pixels(reflected),
-                gbuffer=downloaded(seen) if holds else None,
-                levels=None if levels is None else levels(),
+                _image=shown.part(made[of.IMAGE]).copy() if "image" in names else None,
+                ao=None if visibility is None else shown.part(visibility.download(region=seen.seen)[0]),
+                indirect=None if irradiance is None else shown.part(pixels(irradiance)),
+                gbuffer=shown.gbuffer(downloaded(seen), picture, params.margin(self.size)) if holds else None,
+                levels=None if levels is None else shown.part(levels()),
+                counts=None if counts is None else counts[0],
+                resets=None if counts is None else counts[1],
                 exposure=made.get(of.EXPOSURE, 1.0),
                 passes=run.passes,
                 wall_ms=(perf_counter() - start) * 1e3,
-                _radiance=made[of.PIXELS] if "radiance" in names else None,
+                _radiance=shown.part(made[of.PIXELS]) if "radiance" in names else None,
                 graph=run.record,
             )
         if tell is not None:

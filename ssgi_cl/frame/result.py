@@ -28,6 +28,9 @@ class Frame:
         gbuffer: surfaces that the camera sees, or None if it was not asked for.
         levels: distance in pixels between the points that "multires" computed, [rows, columns] int32, 0
             where it interpolated; with the G-buffer, else None.
+        counts: frames that the means of ambient occlusion and light stand for, [rows, columns] float32 >= 1, or None
+            without a history.
+        resets: why they begin anew, [rows, columns] uint8, sums of `Reset`, or None likewise.
         exposure: the factor before the tone curve; 1 if neither it nor light was asked for.
         passes: name and milliseconds of every pass, or why it was skipped.
         wall_ms: milliseconds from the call to the finished arrays.
@@ -44,6 +47,8 @@ class Frame:
     graph: GraphRecord
     _image: NDArray[np.uint8] | None
     _radiance: NDArray[np.float32] | None
+    counts: NDArray[np.float32] | None = None
+    resets: NDArray[np.uint8] | None = None
 
     @property
     def image(self) -> NDArray[np.uint8]:

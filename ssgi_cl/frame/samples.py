@@ -16,6 +16,7 @@ from ssgi_cl.core.camera import LARGEST_SIZE
 from ssgi_cl.core.pixel_places import pixel_places
 from ssgi_cl.device.progress import Progress, part_of, told
 from ssgi_cl.device.timing import PassTime
+from ssgi_cl.frame.history import PATTERN, pattern_shift
 from ssgi_cl.frame.result import Frame
 from ssgi_cl.frame.skips import chosen_outputs
 from ssgi_cl.frame.whole_call import WholeCall
@@ -25,8 +26,6 @@ MOST_SAMPLES = 1024
 ENOUGH = 8
 """Samples from which on they alone smooth edges by default: with both, FLIP is .0439 in `terrace` at 400 x 300 with 8,
 without the places of each frame .0432; with 4 it is .0439 and .0449."""
-PATTERN = 4
-"""Pixels along the side of the square that patterns of samples repeat with."""
 
 P = ParamSpec("P")
 
@@ -41,6 +40,8 @@ def mean_of_samples(render: Callable[P, Frame]) -> Callable[P, Frame]:
         samples = checks.integer("samples", given, low=1, high=MOST_SAMPLES, unit="samples a pixel")
         if samples == 1:
             return render(*args, **kwargs)
+        if kwargs.get("history") is not None:
+            raise ValueError(f"samples is {samples}: expected 1 with a history, whose frames are samples themselves")
         whole = WholeCall.of(render, args, kwargs, "samples", "progress")
         if max(whole.camera.size) > LARGEST_SIZE - PATTERN + 1:
             raise ValueError(
@@ -57,11 +58,7 @@ def shifts(samples: int) -> tuple[tuple[float, float, int, int], ...]:
     """Return for each sample (right, down) from the pixel's centre in pixels, and the columns and rows by which its
     image begins before the picture, so that patterns lie elsewhere."""
     places = pixel_places(samples) - 0.5
-    order = (0, 2, 1, 3)
-    return tuple(
-        (float(right), float(down), i % PATTERN, (order[i % PATTERN] + i // PATTERN) % PATTERN)
-        for i, (right, down) in enumerate(places)
-    )
+    return tuple((float(right), float(down), *pattern_shift(i)) for i, (right, down) in enumerate(places))
 
 
 def _mean(render: Callable[..., Frame], whole: WholeCall, samples: int, progress: Progress) -> Frame:

@@ -51,21 +51,6 @@ class Pose:
         return Camera.look_at(self.eye, self.target, self.up, yfov=self.yfov, width=width, height=height)
 
 
-def jittered(camera: Camera, across: float, down: float) -> Camera:
-    """Return a camera whose pixel centres lie `across` and `down` pixels further, for samples of a pixel's area."""
-    projection = camera.projection.copy()
-    # x' = x - 2 across / width in normalised device coordinates, where row 3 is what x is divided by.
-    projection[0] -= 2.0 * across / camera.width * projection[3]
-    projection[1] += 2.0 * down / camera.height * projection[3]
-    return Camera(
-        view=camera.view,
-        projection=projection,
-        width=camera.width,
-        height=camera.height,
-        depth_range=camera.depth_range,
-    )
-
-
 def _vector(values: np.ndarray) -> Vector:
     x, y, z = (float(value) for value in values)
     return x, y, z

@@ -235,12 +235,12 @@ class Session:
     def _still(self, look: Look, asked: int) -> None:
         start = perf_counter()
         drawn = self._draw(look, look.size, None)
-        if self._accumulation.count == 0:
+        first = not self._accumulation.begun
+        if first:
             self._other = self._draw_other(look, look.size, None)
         if self.source.scene is not None and drawn.kind == "light" and drawn.values is not None:
-            first = self._accumulation.count == 0
             exposure = drawn.exposure if first or self._drawn is None else self._drawn.exposure
-            mean = self._accumulation.add(drawn.values)
+            mean = self._accumulation.add(drawn.values, look.pose.camera(*look.size))
             if not first:  # the picture of the first is that of `render`, to the bit
                 drawn = replace(drawn, values=mean, picture=None, exposure=exposure)
         self._drawn = drawn
@@ -285,7 +285,7 @@ class Session:
         params = look.settings.params
         picture = drawn.encoded(params, self.runtime)
         notes = [f"{picture.shape[1]} x {picture.shape[0]}"]
-        if self._accumulation.count > 1 and not moving:
+        if self._accumulation.count and not moving:
             notes.append(f"mean of {self._accumulation.count} frames")
         reference = self._reference_of(look) if look.against == "reference" or look.output == ERROR else None
         if look.output == ERROR and not moving:

@@ -25,7 +25,7 @@ from ssgi_cl.viewer.light_panel import with_environment
 from ssgi_cl.viewer.light_settings import LightState, colour_of, handle_place, moved, power_of, with_colour, with_power
 from ssgi_cl.viewer.outputs import Drawn
 from ssgi_cl.viewer.pass_chart import chart
-from ssgi_cl.viewer.pose import Pose, jittered
+from ssgi_cl.viewer.pose import Pose
 from ssgi_cl.viewer.quality import COARSE, SCALES, START, TARGET_MS, Pace, moving_params, quick_params
 from ssgi_cl.viewer.reference import Estimate
 from ssgi_cl.viewer.saved import exr_bytes, png_bytes
@@ -58,27 +58,19 @@ def test_moving_frames_are_never_finer_than_what_was_asked_for() -> None:
     assert quick_params(FrameParams(indirect="ssdo", auxiliary_cameras=4)).kind == "direct"
 
 
-@pytest.mark.parametrize(
-    "camera",
-    [
-        gi.Camera.look_at((1, 2, 3), (0, 0, 0), width=40, height=30),
-        gi.Camera.orthographic((1, 2, 3), (0, 0, 0), view_height=2.0, width=40, height=30),
-    ],
-)
-def test_a_jittered_camera_sees_what_lies_beside_the_centre(camera: gi.Camera) -> None:
-    depth = np.full((30, 40), 2.0, np.float32)
-    beside = jittered(camera, 0.25, -0.5).unproject(depth)
-    here = camera.unproject(depth)
-    expected = here + 0.25 * (here[:1, 1:2] - here[:1, :1]) - 0.5 * (here[1:2, :1] - here[:1, :1])
-    np.testing.assert_allclose(beside, expected, atol=1e-9)
-
-
-def test_refinement_starts_at_the_centre_and_covers_the_pixel() -> None:
-    camera = gi.Camera.look_at((0, 0, 1), (0, 0, 0), width=4, height=4)
+def test_refinement_starts_with_render_and_is_then_the_mean_of_its_samples() -> None:
+    camera = gi.Camera.look_at((0, 0, 1), (0, 0, 0), width=4, height=3)
     accumulation = Accumulation()
     assert accumulation.camera(camera) is camera
+    first = np.full((3, 4, 3), 100.0, np.float32)
+    assert accumulation.add(first, camera) is first  # and no part of the mean
+    assert not accumulation.count
     for value in range(MOST_FRAMES):
-        mean = accumulation.add(np.full((4, 4, 3), value, np.float32))
+        image = accumulation.camera(camera)
+        assert image.size == (6, 7)
+        np.testing.assert_array_equal(image.view, camera.view)
+        mean = accumulation.add(np.full((*image.size, 3), value, np.float32), camera)
+        assert mean.shape == (3, 4, 3)
     assert accumulation.done
     np.testing.assert_allclose(mean, 0.5 * (MOST_FRAMES - 1))
 

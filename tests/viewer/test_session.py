@@ -36,7 +36,7 @@ def test_the_first_still_picture_is_that_of_render(box: Source, watch: Watch, ru
 
 
 def test_a_still_picture_is_refined_and_then_left_alone(
-    box: Source, watch: Watch, monkeypatch: pytest.MonkeyPatch
+    runtime: Runtime, box: Source, watch: Watch, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(session_module, "REST", 0.0)
     watched = watch(box)
@@ -47,6 +47,13 @@ def test_a_still_picture_is_refined_and_then_left_alone(
     assert "mean of 16 frames" in last.note
     # The same light within noise of samples, but smooth edges: both differ from the first by less than 3 of 255.
     assert 0.0 < np.abs(last.picture.astype(float) - first).mean() < 3.0
+    assert box.scene is not None
+    _, drawn = watched.session.still()
+    samples = gi.render(box.scene, box.pose.camera(*SIZE), box.lights, samples=16, edges=7, runtime=runtime)
+    assert drawn is not None
+    assert drawn.values is not None
+    # The same frames in the same order, added up alike.
+    np.testing.assert_array_equal(drawn.values, samples.radiance)
 
 
 def test_only_the_newest_request_is_drawn(box: Source, watch: Watch) -> None:

@@ -12,7 +12,7 @@ from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.params import FrameParams, WholeFrameParams
-from ssgi_cl.frame.passes.resources import GLOSSY, MATT
+from ssgi_cl.frame.passes.resources import AO, DIRECT, GLOSSY, INDIRECT, MATT, SKY_LIGHT, STEADY
 from ssgi_cl.rasterize.raster.rasterizer import Rasterizer
 from ssgi_cl.techniques.direct.shade import Shade
 from ssgi_cl.techniques.ssdo.ssdo import Ssdo
@@ -27,16 +27,29 @@ class Build:
         size: (rows, columns) of the pictures.
         params: of the frame.
         layer: whether the passes light layers that are seen through.
+        history: whether light becomes its mean over frames.
     """
 
     runtime: Runtime
     size: Size
     params: FrameParams
     layer: bool = False
+    history: bool = False
 
     def for_layers(self) -> Build:
         """Return the build of the passes of layers, with techniques and so memory of its own."""
-        return replace(self, layer=True)
+        return replace(self, layer=True, history=False)
+
+    @cached_property
+    def averaged(self) -> tuple[str, ...]:
+        """The resources that become their means over frames; without a history none."""
+        light = {"whole": (DIRECT, SKY_LIGHT, INDIRECT), "one bounce": (INDIRECT,), "ssdo": (DIRECT, INDIRECT)}
+        occlusion = (AO,) if self.techniques[0] is not None else ()
+        return (*occlusion, *light.get(self.params.kind, ())) if self.history else ()
+
+    def steady(self, name: str) -> str:
+        """Return the resource that stands for light or occlusion in the picture: its mean over frames if it has one."""
+        return STEADY[name] if name in self.averaged else name
 
     @property
     def margin(self) -> Size:

@@ -35,7 +35,7 @@ def combine(build: Build, *light: str, ambient: bool = False) -> Stage:
 
     def run(r: Declared) -> tuple[Plane, Plane | None]:
         seen = r[GBUFFER]
-        given = {name: r[name] for name in (*light, *dimmed)}
+        given = {name: r[build.steady(name)] for name in (*light, *dimmed)}
         if AO in given and whole and not params.dims_indirect and sky_by_rays(r[CASTING], build.runtime):
             del given[AO]  # rays have found all that blocks the sky
         lobes = build.runtime.transient.plane(3, build.size) if whole and seen.mirrors else None
@@ -56,7 +56,7 @@ def combine(build: Build, *light: str, ambient: bool = False) -> Stage:
 
     return Stage(
         name="combine",
-        reads=(GBUFFER, SKY, MULTI_BOUNCE, *((CASTING,) if whole else ()), *light, *dimmed),
+        reads=(GBUFFER, SKY, MULTI_BOUNCE, *((CASTING,) if whole else ()), *map(build.steady, (*light, *dimmed))),
         writes=(MATT, LOBE_LIGHT),
         run=run,
         on_demand=True,

@@ -5,8 +5,9 @@ from __future__ import annotations
 from ssgi_cl.core.scene_parts import scene_parts
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.frame.passes.build import Build
-from ssgi_cl.frame.passes.resources import CAMERA, GBUFFER, SCENE
+from ssgi_cl.frame.passes.resources import CAMERA, GBUFFER, HISTORY, SCENE
 from ssgi_cl.frame.stage import Declared, Stage
+from ssgi_cl.rasterize.raster.rasterizer import Before
 from ssgi_cl.rasterize.raster.view import device_scene
 
 
@@ -19,7 +20,10 @@ def gbuffer(build: Build) -> Stage:
         parts = scene_parts(r[SCENE])
         # What is seen through may lie beyond the region of what is not.
         rasterizer.regions = regions and parts.blended is None
-        seen: DeviceGBuffer = rasterizer.render(device_scene(parts.solid, runtime), r[CAMERA])
+        before = None
+        if build.history and (moved := r[HISTORY].before(r[SCENE])) is not None:
+            before = Before(device_scene(scene_parts(moved[0]).solid, runtime), moved[1])
+        seen: DeviceGBuffer = rasterizer.render(device_scene(parts.solid, runtime), r[CAMERA], before=before)
         if seen.region is not None:
             rows, columns = seen.region.rows, seen.region.columns
             runtime.skip("region", f"nothing is seen outside of {columns} x {rows} pixels", 0.0)
@@ -29,4 +33,5 @@ def gbuffer(build: Build) -> Stage:
         seen.release_world()
         return seen
 
-    return Stage(name="G-buffer", reads=(SCENE, CAMERA), writes=(GBUFFER,), run=run, releases=("ssdo",))
+    reads = (SCENE, CAMERA, HISTORY) if build.history else (SCENE, CAMERA)
+    return Stage(name="G-buffer", reads=reads, writes=(GBUFFER,), run=run, releases=("ssdo",))

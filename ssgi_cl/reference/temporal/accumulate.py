@@ -37,6 +37,7 @@ class Accumulation:
     clamp: str = "neighbourhood"
     clamp_sigma: float = 3.0
     clamp_radius: int = 3
+    young: int = 0
     plane_distance: float = 2.0
     normal_angle: float = 0.5
 
@@ -112,9 +113,10 @@ def accumulate_reference(
         results.append(np.where(kept[..., None], past + (own - past) * share[..., None], own))
     mean, fast, square = results
     reasons = np.where(there, np.where(kept, 0, why), int(Reset.NOTHING))
-    if params.clamp != "none" and params.limit > params.fast:
-        source = value if params.clamp == "neighbourhood" else fast
-        mean, count, reasons = _clamped(mean, count, reasons, source, view, params)
+    clamps = params.clamp != "none" and params.limit > params.fast
+    if clamps or params.young > 1:
+        source = fast if params.clamp == "fast" else value
+        mean, count, reasons = _clamped(mean, count, reasons, source, view, params, clamps=clamps)
     return _history(mean, fast, square, count, reasons, flat=flat)
 
 
@@ -152,9 +154,11 @@ def _places(
         across, down = moved[..., 0], moved[..., 1]
         if motion.shape[2] == 3:
             expected = view.inner(depth) + moved[..., 2]
-    still = (np.maximum(np.abs(across), np.abs(down)) < STILL) & (scale == (1.0, 1.0))
-    column: Doubles = (own_column + np.where(still, 0.0, np.clip(across, -2e6, 2e6))) * scale[0]
-    row: Doubles = (own_row + np.where(still, 0.0, np.clip(down, -2e6, 2e6))) * scale[1]
+    across, down = np.clip(across, -2e6, 2e6), np.clip(down, -2e6, 2e6)
+    off = np.maximum(np.abs(across - np.rint(across)), np.abs(down - np.rint(down)))
+    whole = (off < STILL) & (scale == (1.0, 1.0))
+    column: Doubles = (own_column + np.where(whole, np.rint(across), across)) * scale[0]
+    row: Doubles = (own_row + np.where(whole, np.rint(down), down)) * scale[1]
     place = before.position(
         row + before.margin[0],
         column + before.margin[1],
@@ -209,8 +213,11 @@ def _clamped(
     source: Doubles,
     view: SurfaceView,
     params: AccumulateParams | Accumulation,
+    *,
+    clamps: bool,
 ) -> tuple[Doubles, Doubles, NDArray[np.int_]]:
-    """Return mean, count and reasons with long means moved where the neighbourhood shows a change."""
+    """Return mean, count and reasons with long means moved where the neighbourhood shows a change, and those of few
+    frames joined with the neighbourhood's."""
     rows, columns = view.size
     there = np.isfinite(view.depth)
     row, column = view.centres()
@@ -221,6 +228,7 @@ def _clamped(
     pixels = np.zeros(view.size)
     sums, squares = np.zeros_like(source), np.zeros_like(source)
     low, high = source, source
+    weights, around = np.zeros(view.size), np.zeros_like(source)
     reach = params.clamp_radius
     for dy in range(-reach, reach + 1):
         for dx in range(-reach, reach + 1):
@@ -229,15 +237,19 @@ def _clamped(
             fits = inside & there[ty, tx] & (point.off(position[ty, tx]) <= point.most)
             fits &= (normal * normal[ty, tx]).sum(axis=-1) >= math.cos(params.normal_angle)
             pixels += fits
+            weights += fits * count[ty, tx]
+            around += np.where(fits[..., None], count[ty, tx, None] * mean[ty, tx], 0.0)
             step = np.where(fits[..., None], source[ty, tx] - mean[ty, tx], 0.0)
             low = np.where(fits[..., None], np.minimum(low, source[ty, tx]), low)
             high = np.where(fits[..., None], np.maximum(high, source[ty, tx]), high)
             sums += step
             squares += step**2
     most = np.maximum(pixels, 1.0)[..., None]
-    longer = there & (count > params.fast)
+    longer = there & (count > params.fast) & clamps
     least = np.maximum(params.clamp_sigma * np.sqrt(squares), CHANGE * pixels[..., None] * np.abs(mean))
     beyond = longer[..., None] & (np.abs(sums) > least)
     changed = beyond.any(axis=-1)
     moved: Doubles = np.where(beyond, np.clip(mean + sums / most, low, high), mean)
+    joins = there & (count < params.young - 0.5) & (weights > 0.0)
+    moved = np.where(joins[..., None], around / np.where(joins, weights, 1.0)[..., None], moved)
     return moved, np.where(changed, params.fast, count), reasons + np.where(changed, int(Reset.CHANGED), 0)

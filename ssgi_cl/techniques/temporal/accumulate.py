@@ -26,13 +26,15 @@ from ssgi_cl.techniques.technique import Bench, Technique
 Clamp = Literal["neighbourhood", "fast", "none"]
 """What brings a long mean back to what is seen now."""
 
+UNHELD = 1e9
+"""Standard errors that no difference exceeds."""
 MOST_VALUE = 1e18
 """Greatest value whose square float32 can sum up."""
 
 STRUCT = Struct(
     "AccumulateParams",
     (
-        *floats(*ROTATION, "x", "y", "z", "limit", "fast", "plane_distance", "least_cosine", "clamp_sigma"),
+        *floats(*ROTATION, "x", "y", "z", "limit", "fast", "plane_distance", "least_cosine", "clamp_sigma", "young"),
         *floats("scale_x", "scale_y"),
         *ints("margin_columns", "margin_rows", "before_columns", "before_rows"),
     ),
@@ -71,6 +73,14 @@ class AccumulateParams(Params):
         high=1e3,
     )
     clamp_radius: int = param(3, "pixels on either side that are the neighbourhood", low=1, high=8, unit="px")
+    young: int = param(
+        0,
+        "frames below which a mean takes in those of its neighbourhood, weighted by their frames; 0: none does",
+        low=0,
+        high=4096,
+        unit="frames",
+        shape=_value,
+    )
     plane_distance: float = param(
         2.0,
         "distance from the tangent plane up to which a pixel shows the surface, in footprints of a pixel",
@@ -92,6 +102,7 @@ class AccumulateKeywords(TypedDict, total=False):
     clamp: Clamp
     clamp_sigma: float
     clamp_radius: int
+    young: int
     plane_distance: float
     normal_angle: float
 
@@ -121,6 +132,7 @@ class Accumulate(Prepared[AccumulateParams]):
         *,
         previous: DeviceGBuffer | None = None,
         history: DeviceHistory | None = None,
+        holds: bool = True,
     ) -> DeviceHistory:
         """Queue the passes; return the new history, whose `mean` is the result.
 
@@ -131,13 +143,15 @@ class Accumulate(Prepared[AccumulateParams]):
             value: of this frame, `channels` images of at most 1e18.
             previous: of the frame before, of any size.
             history: what the run for it returned; None begins anew.
+            holds: whether long means are held to what `clamp` says; not where nothing but the camera has changed.
         """
         camera, params = camera_of(gbuffer), self.params
         first = history is None or previous is None
         target = self._planes[history is self._planes[0]]
-        clamps = not first and params.clamp != "none" and params.limit > params.fast
+        clamps = holds and not first and params.clamp != "none" and params.limit > params.fast
+        joins = params.young > 1 and not first
         images = [target.mean, target.count, target.reasons]
-        if clamps:
+        if clamps or joins:
             images = [self.runtime.transient.plane(plane.count, self.size) for plane in images]
         blended, frames, why = images
         macros = {"ACCUMULATE_COUNT": self.channels, "ACCUMULATE_FIRST": int(first)}
@@ -176,14 +190,16 @@ class Accumulate(Prepared[AccumulateParams]):
             whole=gbuffer.whole,
             params=packed,
         )
-        if clamps:
+        if clamps or joins:
+            if not clamps:
+                packed = self._packed(camera, gbuffer, previous, sigma=UNHELD)
             macros = {"ACCUMULATE_COUNT": self.channels, "ACCUMULATE_REACH": params.clamp_radius}
             self.runtime.kernel("temporal/accumulate_clamp.cl", macros, structs).run(
                 self.size,
                 blended=blended,
                 frames=frames,
                 why=why,
-                source=value if params.clamp == "neighbourhood" else target.fast,
+                source=target.fast if params.clamp == "fast" else value,
                 depth=gbuffer.depth,
                 normal=gbuffer.normal,
                 mean=target.mean,
@@ -195,8 +211,10 @@ class Accumulate(Prepared[AccumulateParams]):
             )
         return target
 
-    def _packed(self, camera: Camera, gbuffer: DeviceGBuffer, previous: DeviceGBuffer | None) -> Any:
-        """Return the struct of a frame's parameters; camera to camera in float64."""
+    def _packed(
+        self, camera: Camera, gbuffer: DeviceGBuffer, previous: DeviceGBuffer | None, sigma: float | None = None
+    ) -> Any:
+        """Return the struct of a frame's parameters; camera to camera in float64. `sigma` in place of `clamp_sigma`."""
         params = self.params
         other = camera if previous is None else camera_of(previous)
         turn = other.view[:3, :3] @ camera.view[:3, :3].T
@@ -210,7 +228,8 @@ class Accumulate(Prepared[AccumulateParams]):
                 "fast": min(params.fast, params.limit),
                 "plane_distance": params.plane_distance,
                 "least_cosine": math.cos(params.normal_angle),
-                "clamp_sigma": params.clamp_sigma,
+                "clamp_sigma": params.clamp_sigma if sigma is None else sigma,
+                "young": params.young,
                 "scale_x": other.width / camera.width,
                 "scale_y": other.height / camera.height,
                 "margin_columns": gbuffer.margin[1],

@@ -92,6 +92,8 @@ SETTINGS: list[dict[str, Any]] = [
     {},
     {"clamp": "fast", "fast": 2, "clamp_sigma": 1.5},
     {"clamp": "none", "limit": 3},
+    {"young": 4},
+    {"clamp": "none", "young": 2, "clamp_radius": 2},
     {"fast": 1, "clamp_radius": 1, "clamp_sigma": 1.0, "plane_distance": 0.5, "normal_angle": 0.2},
 ]
 
@@ -379,6 +381,40 @@ def test_moved_mean_stays_within_the_values_of_the_neighbourhood(
     assert (mean[found.because(Reset.CHANGED)] == 0.0).all()
 
 
+# ---- young pixels
+
+
+def test_young_pixels_take_the_mean_of_their_own_surface(variant_runtime: Runtime, rng: np.random.Generator) -> None:
+    """What a square uncovers becomes the mean of the wall around, and no part of the square's."""
+    errors = {}
+    for young in (0, 2):
+        history = previous = None
+        for number in range(8):
+            gbuffer = wall(camera_at(0.0), front=-0.5 + 0.1 * number)
+            front = np.asarray(gbuffer.depth) < 4.5
+            motion = np.zeros((*SIZE, 3), np.float32)
+            motion[front, 0] = -0.1 / (gbuffer.camera.pixel_to_view[0] * 4.0)
+            value = np.where(front, 100.0, 1.0 + 0.1 * rng.standard_normal(SIZE)).astype(np.float32)
+            mean, history = accumulate(
+                value, replace(gbuffer, motion=motion), previous, history, young=young, runtime=variant_runtime
+            )
+            previous = gbuffer
+        assert history is not None
+        fresh = history.begun & ~front
+        assert fresh.sum() > 5
+        errors[young] = np.abs(mean[fresh] - 1.0)
+        assert (mean[front] == 100.0).all()
+    assert errors[2].max() < 0.2  # a hundredth of the square would be more
+    # Means of about 8 frames of some 30 pixels, the pixel's own aside, against one value.
+    assert np.sqrt((errors[2] ** 2).mean()) < 0.4 * np.sqrt((errors[0] ** 2).mean())
+
+
+def test_a_first_frame_keeps_its_bits_whatever_is_young(runtime: Runtime, rng: np.random.Generator) -> None:
+    value = rng.random(SIZE).astype(np.float32)
+    mean, _ = accumulate(value, wall(camera_at(0.0)), young=8, runtime=runtime)
+    np.testing.assert_array_equal(mean, value)
+
+
 # ---- device, determinism, bad input
 
 
@@ -521,6 +557,8 @@ def test_bad_arguments_are_refused(
         ({"fast": 2.0}, TypeError, r"fast is 2.0: expected an integer"),
         ({"clamp": "box"}, ValueError, r"clamp is 'box': expected one of 'neighbourhood', 'fast', 'none'"),
         ({"clamp_sigma": -1.0}, ValueError, r"clamp_sigma is -1.0"),
+        ({"young": -1}, ValueError, r"young is -1"),
+        ({"young": 1.5}, TypeError, r"young is 1.5"),
         ({"plane_distance": 0.0}, ValueError, r"plane_distance is 0.0: expected a number > 0"),
         ({"normal_angle": 4.0}, ValueError, r"normal_angle is 4.0: expected .*radians"),
     ],

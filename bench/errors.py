@@ -41,12 +41,13 @@ def errors_of(
         light: the values have no greatest one, as those of A have: FLIP is HDR-FLIP, and the peak
             of PSNR and SSIM is what 99.9 % of the truth's values do not exceed, in place of 1.
         picture: they are radiance of a frame: FLIP is that of `picture_flip`.
-        smooth: what `metrics.smooth_surfaces` returns, for the mottling of a frame.
+        smooth: what `metrics.smooth_surfaces` returns, for streaks and for the mottling of a frame.
 
     Returns:
         rmse, bias, p99, psnr, mrse, ssim and flip (None if flip-evaluator is not installed; of a
         truth that is black all over, so are mrse, psnr and ssim; of one with holes, ssim and flip),
-        mottling (None of what is no frame, and where nothing that is lit is `smooth`),
+        mottling (None of what is no frame, and where nothing that is lit is `smooth`), streaks (None
+        where nothing is `smooth`),
         `mean` of the truth and `truth_error`, the root mean square of its standard error, and
         `regions`: share of the pixels, rmse and bias of each region that has any.
     """
@@ -65,6 +66,7 @@ def errors_of(
         "ssim": metrics.ssim(image, mean, seen, peak=peak) if peak > 0.0 and whole else None,
         "flip": _flip(image, mean, seen, light=light, picture=picture) if peak > 0.0 and whole else None,
         "mottling": _mottling(image, mean, smooth, known) if picture and smooth is not None else None,
+        "streaks": _streaks(image, truth, smooth, seen) if smooth is not None else None,
         "mean": float(mean[seen].mean(dtype=np.float64)),
         "truth_error": math.sqrt(float(np.mean(truth.error[seen].astype(np.float64) ** 2))),
         "regions": {
@@ -106,6 +108,16 @@ def _mottling(
 ) -> float | None:
     counted = smooth & known
     return metrics.mottling(image, mean, counted) if mean[counted].any() else None
+
+
+def _streaks(
+    image: NDArray[np.float32], truth: Truth, smooth: NDArray[np.bool_], seen: NDArray[np.bool_]
+) -> float | None:
+    counted = smooth & seen
+    if not counted.any():
+        return None
+    noise = math.sqrt(float(np.mean(truth.error[counted].astype(np.float64) ** 2)))
+    return metrics.streaks(image, truth.mean, counted, noise=noise)
 
 
 def _flip(

@@ -257,7 +257,7 @@ def _one(
                 context.regions,
                 light=subject.quantity not in ("occlusion", "model", ""),
                 picture=whole,
-                smooth=context.smooth_surfaces if whole else None,
+                smooth=context.smooth_surfaces,
             )
         if subject.quantity != "bent":  # whose angles are no picture
             found.pictures[case.name] = Pictures(image, means.get("world"), means.get("assumption"), seen)

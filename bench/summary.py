@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -110,6 +110,8 @@ if TYPE_CHECKING:
     from .suite import Pictures
 
 _HEAD = ("", "case", "ms", "quartiles", "device ms", "RMSE", "bias", "MRSE", "SSIM", "FLIP")
+_STREAKS = ("streaks",)
+"""Of documents that have them."""
 _OF_FRAMES, _OF_MODELS = ("mottling",), ("RMSE of the model", "its bias")
 TRIAL = "A trial of the recording, at a tiny size with few rays on a busy machine: these figures say nothing."
 LEGEND = (
@@ -124,8 +126,10 @@ LEGEND = (
     "or the machine was busy; it counts like any other. RMSE, bias, MRSE, SSIM and FLIP (of light "
     "HDR-FLIP, of frames that of pictures with the reference's exposure) are against rays or paths "
     "through the mesh; the model's against what the same screen-space model converges to. RMSE of "
-    "light: in W/m², and as a share of the reference's mean. Mottling: the root mean square of a frame's "
-    "relative errors on smooth surfaces, between Gaussians of 2 and 20 pixels.",
+    "light: in W/m², and as a share of the reference's mean. Streaks: the root mean square of errors that "
+    "repeat along rows, columns or diagonals, or every 4 or 8 pixels, on smooth surfaces "
+    "(`metrics.streaks`). Mottling: the root mean square of a frame's relative errors on smooth surfaces, "
+    "between Gaussians of 2 and 20 pixels.",
 )
 _STRIP, _QUALITY = 1200, 80
 """Columns of a strip of three pictures, and what JPEG keeps of it, of 100."""
@@ -211,8 +215,9 @@ def page(document: Mapping[str, Any], stem: str) -> str:
             lines += [f"![{title(key)}: error over time]({name}.svg)", ""]
         said = [f"- {each}" for each in verdict(results)]
         lines += [*said, ""] if said else []
-        head = (*_HEAD, *(_OF_FRAMES if key[0] == "radiance" else _OF_MODELS), "counted")
-        lines += markdown(head, map(_row, results), f"ll{'r' * (len(head) - 3)}l")
+        streaks = _STREAKS if any(metric(result, "world", "streaks") is not None for result in results) else ()
+        head = (*_HEAD, *streaks, *(_OF_FRAMES if key[0] == "radiance" else _OF_MODELS), "counted")
+        lines += markdown(head, (_row(result, streaks) for result in results), f"ll{'r' * (len(head) - 3)}l")
         if strip:
             case = strip.rsplit(".", 2)[0]
             lines += [
@@ -272,10 +277,10 @@ def _strip(of: Pictures) -> Image.Image:
     return strip
 
 
-def _row(result: Mapping[str, Any]) -> tuple[str, ...]:
+def _row(result: Mapping[str, Any], streaks: Sequence[str]) -> tuple[str, ...]:
     world = [
         number(metric(result, "world", name), "+" if name == "bias" else "")
-        for name in ("bias", "mrse", "ssim", "flip")
+        for name in ("bias", "mrse", "ssim", "flip", *streaks)
     ]
     last: tuple[str, ...]
     if result["quantity"] == "radiance":  # of frames, which have no model

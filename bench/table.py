@@ -36,7 +36,8 @@ _LEGEND = (
     "ms: median wall time; device: by the device's clock; * nothing here is both faster and closer "
     "to the world's truth; + only what overlaps with it in time is; ~ unsteady, see below; "
     "ratio: wall time to that of the reference; ceiling: share of the nearer one; FLIP: of light "
-    "HDR-FLIP, of frames that of pictures; mottling: root mean square of a frame's relative "
+    "HDR-FLIP, of frames that of pictures; streaks: root mean square of errors that repeat along a line on smooth "
+    "surfaces; mottling: root mean square of a frame's relative "
     "errors on smooth surfaces, between Gaussians of 2 and 20 pixels; model: RMSE and bias against what "
     "the same screen-space model converges to; %: of the truth's mean"
 )
@@ -116,6 +117,7 @@ def _columns(calibration: Mapping[str, float]) -> list[tuple[str, int, Cell]]:
         ("bias", 2, lambda row: number(metric(row, "world", "bias"), "+")),
         ("MRSE", 3, lambda row: number(metric(row, "world", "mrse"))),
         ("FLIP", 3, lambda row: number(metric(row, "world", "flip"))),
+        ("streaks", 4, lambda row: number(metric(row, "world", "streaks"))),
         ("mottling", 3, lambda row: number(metric(row, "world", "mottling"))),
         ("model", 4, lambda row: rmse(row, "assumption")),
         ("its bias", 5, lambda row: number(metric(row, "assumption", "bias"), "+")),

@@ -46,6 +46,7 @@ from .rasterize.raster.default_camera import default_camera as default_camera
 from .rasterize.raster.default_camera import default_lights as default_lights
 from .rasterize.raster.shadow_map import shadow_maps as shadow_maps
 from .sequences.map_frames import map_frames as map_frames
+from .techniques.ao.ao import ao as ao
 from .techniques.ao.bitmask_ao import BitmaskAo as BitmaskAo
 from .techniques.ao.bitmask_ao import BitmaskParams as BitmaskParams
 from .techniques.ao.bitmask_ao import bitmask_ao as bitmask_ao

@@ -32,6 +32,7 @@ __all__ = [
     "rmse",
     "smooth_surfaces",
     "ssim",
+    "streaks",
 ]
 
 
@@ -66,6 +67,17 @@ larger one."""
 NARROW, WIDE = 2.0, 20.0
 """Standard deviations in pixels of the Gaussians between which errors count as mottling: noise of single pixels is
 narrower, a light that is too bright all over is wider."""
+EVEN = 8.0
+"""Standard deviation in pixels of the Gaussian mean that is taken from errors before streaks are looked for: half of a
+wave of 43 pixels is left."""
+APART = range(8, 24)
+"""Pixels between two that streaks are looked for in: beyond what a blur of 5 x 5 makes alike; whole periods."""
+PERIODS = (4, 8)
+"""Of patterns of sampling, pixels."""
+DIRECTIONS = ((0, 1), (1, 0), (1, 1), (1, -1))
+"""Steps of rows and columns: along rows, along columns, and both diagonals, each beside the one across it."""
+CHANCE = 3.0
+"""Standard deviations of what the truth's own noise shows by chance."""
 DARK = 0.01
 """Of the truth's mean luminance: what is added to luminances before their logarithm."""
 
@@ -221,6 +233,54 @@ def mottling(image: ArrayLike, truth: ArrayLike, smooth: ArrayLike) -> float:
         even = _blurred(error, own, math.sqrt(WIDE**2 - NARROW**2))
         total += float(np.sum((error - even)[own] ** 2))
     return math.sqrt(total / int(where.sum()))
+
+
+def streaks(image: ArrayLike, truth: ArrayLike, smooth: ArrayLike, *, noise: float = 0.0) -> float:
+    """Return the root mean square of errors that repeat along a line, in the unit of the images.
+
+    From the error its mean over a Gaussian of 8 pixels is subtracted. C(d) is the mean product of what is
+    left of two pixels of a smooth surface that lie d apart. Three kinds of structure are looked for, at
+    distances of 8 to 23 pixels, beyond which blurred noise is alike; the strongest counts:
+
+    - stripes along rows, columns or a diagonal: C along them, less C across them where that is positive,
+      as of blotches, which are alike in both;
+    - patterns of period p = 4 or 8 along rows or columns: C at multiples of p, less its mean elsewhere,
+      times (p - 1) / p.
+
+    White noise and blotches have none. Of stripes of length w from one to the next exp(-32 (2 pi / w)^2) is
+    lost to the Gaussian: half at 43 pixels.
+
+    Args:
+        image, truth: as in `rmse`; of [rows, columns, 3] the luminance.
+        smooth: [rows, columns] bool: see `smooth_surfaces`; pixels that share sides are one surface.
+        noise: standard error of the truth in a pixel, root mean square, >= 0: what it makes by chance, three
+            standard deviations of C, does not count.
+    """
+    noise = checks.number("noise", noise, low=0.0)
+    value, reference, where = _images(image, truth, smooth)
+    error: Doubles = np.zeros(where.shape)
+    labels = np.zeros(where.shape, np.int32)
+    weights = LUMINANCE if value.shape[2] == 3 else np.ones(1)
+    raw = np.where(where[..., None], value, 0.0) @ weights - np.where(where[..., None], reference, 0.0) @ weights
+    for number, (region, own) in enumerate(_connected(where), start=1):
+        labels[region][own] = number
+        error[region][own] = (raw[region] - _blurred(raw[region], own, EVEN))[own]
+    alike = {step: _products(error, labels, step) for step in DIRECTIONS}
+    found = [0.0]
+    for along, across in ((0, 1), (1, 0), (2, 3), (3, 2)):
+        (mine, count), (others, other_count) = alike[DIRECTIONS[along]], alike[DIRECTIONS[across]]
+        if count.any() and other_count.any():
+            chance = CHANCE * noise**2 / math.sqrt(float(count.sum()))
+            found.append(_mean(mine, count) - max(0.0, _mean(others, other_count)) - chance)
+    for period in PERIODS:
+        repeats = np.array([distance % period == 0 for distance in APART])
+        for products, count in (alike[step] for step in DIRECTIONS[:2]):
+            if count[repeats].all():
+                chance = CHANCE * noise**2 / math.sqrt(float(count[repeats].sum()))
+                other_mean = _mean(products[~repeats], count[~repeats])
+                share = (period - 1) / period
+                found.append(share * (_mean(products[repeats], count[repeats]) - other_mean) - chance)
+    return math.sqrt(max(found))
 
 
 def smooth_surfaces(gbuffer: GBuffer) -> Mask:
@@ -517,6 +577,27 @@ def _blurred(values: Doubles, own: Mask, width: float) -> Doubles:
     )
     mean: Doubles = np.where(own, sums / np.maximum(weights, 1e-300), 0.0)
     return mean
+
+
+def _products(error: Doubles, labels: NDArray[np.int32], step: tuple[int, int]) -> tuple[Doubles, Doubles]:
+    """Return the sums of products of errors, and the numbers of pairs on one surface, of each distance `APART`."""
+    sums, counts = np.zeros(len(APART)), np.zeros(len(APART))
+    rows, columns = labels.shape
+    for place, distance in enumerate(APART):
+        down, right = step[0] * distance, step[1] * distance
+        if down >= rows or abs(right) >= columns:
+            continue
+        one = (slice(0, rows - down), slice(max(0, -right), columns - max(0, right)))
+        two = (slice(down, rows), slice(max(0, right), columns + min(0, right)))
+        same = (labels[one] == labels[two]) & (labels[one] > 0)
+        sums[place], counts[place] = float(np.sum((error[one] * error[two])[same])), np.count_nonzero(same)
+    return sums, counts
+
+
+def _mean(sums: Doubles, counts: Doubles) -> float:
+    """Return the mean over distances of mean products; those without a pair do not count."""
+    known = counts > 0
+    return float(np.mean(sums[known] / counts[known])) if known.any() else 0.0
 
 
 def _grown(mask: Mask, reach: int) -> Mask:

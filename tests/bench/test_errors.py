@@ -111,6 +111,27 @@ def test_mottling_is_that_of_frames_on_smooth_surfaces() -> None:
     assert mottling(blotched, truth) is None
 
 
+def test_streaks_are_those_of_smooth_surfaces_that_the_truth_knows() -> None:
+    pytest.importorskip("scipy", reason="scipy is not installed (extra 'truth')")
+    truth = np.full((60, 200), 0.5, np.float32)
+    striped = truth + (0.05 * np.sin(2.0 * np.pi * np.arange(200) / 8.0)).astype(np.float32)
+    seen, left = np.ones((60, 200), np.bool_), np.arange(200) < 100
+
+    def streaks(of: np.ndarray, smooth: np.ndarray | None, error: float = 0.0) -> float | None:
+        regions = {"elsewhere": seen}
+        found = errors_of(striped, truth_of(of, error), seen, regions, light=False, smooth=smooth)["streaks"]
+        assert found is None or isinstance(found, float)
+        return found
+
+    assert streaks(truth, seen) == pytest.approx(0.05 / np.sqrt(2.0), rel=0.02)
+    unknown = np.where(left, truth, np.float32(np.nan))
+    assert streaks(unknown, seen) == pytest.approx(0.05 / np.sqrt(2.0), rel=0.02)
+    assert streaks(unknown, seen & ~left) is None
+    assert streaks(truth, None) is None
+    # Noise of the truth that would make as much by chance: .05^2 / 2 is 3 e^2 / sqrt(60 x 2956 pairs).
+    assert streaks(truth, seen, error=1.0) == 0.0
+
+
 def test_tone_curve_is_the_documented_one() -> None:
     # x e / (1 + x e / 4): 2 at exposure 2 is 4 / 2, clipped; 0.25 at 1 is 0.25 / 1.0625.
     np.testing.assert_allclose(on_screen(np.array([2.0, -1.0, 0.0]), 2.0), [1.0, 0.0, 0.0], atol=1e-12)

@@ -136,6 +136,19 @@ def test_tables_of_frames_have_a_mottling_in_place_of_a_model(tmp_path: Path) ->
     assert re.search(r"frame\.default .*\| 0\.0471 \|", text)
 
 
+def test_tables_have_streaks_where_they_were_measured(tmp_path: Path) -> None:
+    striped = entry()
+    striped["errors"]["world"]["streaks"] = 0.0123
+    assert "0.0123" in line_of(shown(whole(striped), 200), wording.short_name(striped))
+    pages = [
+        summary.write(tmp_path / f"{number}.md", whole(each), {})[0].read_text(encoding="utf-8")
+        for number, each in enumerate((entry(), striped))
+    ]
+    heads = [next(line for line in text.splitlines() if "| case |" in line) for text in pages]
+    assert ["streaks" in head for head in heads] == [False, True]
+    assert "| 0.0123 |" in pages[1]
+
+
 def test_the_best_of_ours_on_the_front_is_shown_beside_truth_and_error(tmp_path: Path) -> None:
     results = [
         entry("ssao.4.hall.8x6", 1.0, 0.2),

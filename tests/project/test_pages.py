@@ -80,7 +80,8 @@ def guide(folder: Path) -> dict[str, Any]:
 
 
 def choosing(folder: Path) -> dict[str, Any]:
-    return {"gbuffer": room()[2], "radius": 0.1}
+    built, camera, gbuffer = room()
+    return {"gbuffer": gbuffer, "radius": 0.1, "scene": built.scene, "camera": camera}
 
 
 def measuring(folder: Path) -> dict[str, Any]:

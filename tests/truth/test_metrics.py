@@ -237,6 +237,93 @@ def test_what_is_no_smooth_surface_has_no_part_in_mottling(rng: np.random.Genera
         metrics.mottling(-image, np.nan_to_num(truth), smooth)
 
 
+# ---- streaks
+
+
+EVERYWHERE = np.ones((300, 400), np.bool_)
+GREY = np.full((300, 400), 0.5)
+
+
+def streaks(error: np.ndarray, smooth: np.ndarray = EVERYWHERE, noise: float = 0.0) -> float:
+    return metrics.streaks(GREY + error, GREY, smooth, noise=noise)
+
+
+@pytest.mark.parametrize("direction", [(0, 1), (1, 0), (1, 1), (1, -1)], ids=str)
+@pytest.mark.parametrize(("length", "tolerance"), [(4, 0.02), (8, 0.02), (20, 0.1), (43, 0.1)])
+def test_streaks_of_stripes_are_their_amplitude(length: int, tolerance: float, direction: tuple[int, int]) -> None:
+    rows, columns = np.mgrid[:300, :400]
+    phase = 2.0 * np.pi * (direction[0] * rows + direction[1] * columns) / length
+    # Stripes of 20 and 43 pixels are alike in part across, up to a tenth; diagonals are sqrt 2 shorter from one to the
+    # next.
+    across = length / math.hypot(*direction)
+    left = 1.0 - math.exp(-32.0 * (2.0 * math.pi / across) ** 2)
+    assert streaks(0.02 * np.sin(phase)) == pytest.approx(left * 0.02 / math.sqrt(2.0), rel=tolerance)
+
+
+@pytest.mark.parametrize("period", [4, 8])
+def test_streaks_of_a_pattern_that_repeats_are_its_standard_deviation(period: int, rng: np.random.Generator) -> None:
+    pattern = rng.standard_normal((period, period))
+    pattern -= pattern.mean(axis=0)  # no stripes
+    pattern -= pattern.mean(axis=1, keepdims=True)
+    tiled = np.tile(pattern, (-(-300 // period), 400 // period))[:300]
+    # The Gaussian mean of 8 pixels is cut off at the border.
+    assert streaks(0.02 * tiled) == pytest.approx(0.02 * tiled.std(), rel=0.02)
+
+
+def test_stripes_under_noise_are_found(rng: np.random.Generator) -> None:
+    stripes = 0.01 * np.sin(2.0 * np.pi * np.arange(400) / 8.0)
+    noisy = stripes + 0.05 * rng.standard_normal((300, 400))
+    # C of noise varies by .05^2 / sqrt(16 x 113,000 pairs) = 1.9e-6, of 5e-5.
+    assert streaks(noisy) == pytest.approx(0.01 / math.sqrt(2.0), rel=0.08)
+
+
+def test_noise_blotches_and_slow_errors_are_no_streaks(rng: np.random.Generator) -> None:
+    from scipy.ndimage import gaussian_filter, uniform_filter
+
+    white = rng.standard_normal((300, 400))
+    # Of a period of 8 pixels C is a mean of 226,000 pairs: it varies by 1 / 475, whose root is .046.
+    assert streaks(0.02 * white) < 0.08 * 0.02
+    blurred = uniform_filter(white, 5)
+    assert streaks(blurred) < 0.1 * blurred.std()
+    blotches = gaussian_filter(white, 6.0)  # of which few fit in: alike along a line by chance
+    assert streaks(blotches) < 0.35 * blotches.std()
+    rows, columns = np.mgrid[:300, :400]
+    assert streaks(0.2 * (columns / 400.0) ** 2) < 2e-3
+    assert streaks(0.2 + 0.0 * rows) < 1e-9
+
+
+def test_chance_of_the_truths_noise_does_not_count(rng: np.random.Generator) -> None:
+    shown = []
+    for _ in range(12):
+        noisy = 0.02 * rng.standard_normal((300, 400))
+        assert streaks(noisy, noise=0.02) <= streaks(noisy)
+        shown.append(streaks(noisy, noise=0.02))
+    # Eight numbers of which each passes three deviations one time in 700; periods have fewer pairs.
+    assert np.count_nonzero(shown) <= 2
+    stripes = 0.02 * np.sin(2.0 * np.pi * np.arange(400) / 8.0) + 0.0 * GREY
+    assert streaks(stripes, noise=0.02) == pytest.approx(streaks(stripes), rel=0.01)
+    with pytest.raises(ValueError, match="noise is -1"):
+        streaks(stripes, noise=-1.0)
+
+
+def test_streaks_are_those_of_each_smooth_surface(rng: np.random.Generator) -> None:
+    error = 0.02 * np.sin(2.0 * np.pi * np.arange(400) / 8.0) + 0.0 * GREY
+    left = np.arange(400) < 200
+    smooth = EVERYWHERE & (np.abs(np.arange(400) - 200) > 3)
+    half = np.where(left, error, 0.0)
+    assert streaks(half, smooth & left) == pytest.approx(streaks(error), rel=0.01)
+    assert streaks(half, smooth & ~left) < 1e-9
+    assert streaks(half, smooth) == pytest.approx(streaks(error) / math.sqrt(2.0), rel=0.05)
+    # A step from one surface to the next is no structure, and what is no surface has no part.
+    assert streaks(0.3 * left + 0.0 * GREY, smooth) < 1e-9
+    broken = np.where(smooth, error, np.nan)
+    assert streaks(broken, smooth) == pytest.approx(streaks(error, smooth))
+    # A surface too small for two pixels that far apart has none.
+    assert streaks(error, EVERYWHERE & (np.arange(400) < 7) & (np.arange(300) < 7)[:, None]) == 0.0
+    grey = np.stack([GREY] * 3, axis=-1)
+    assert metrics.streaks(grey + error[..., None], grey, EVERYWHERE) == pytest.approx(streaks(error), rel=1e-6)
+
+
 def test_smooth_surfaces_end_3_pixels_from_edges_and_have_400_pixels() -> None:
     camera = view(120, 160)
     depth = np.full((120, 160), 4.0)

@@ -32,6 +32,7 @@ OTHER_ROWS: Mapping[str, Row] = {
     "rasterize.rsm": ("reflective shadow map: depth, position, normal, flux", (("512 x 512", "rsm.512"),)),
     "shadow_maps": ("the shadow map of each light", (("one light, 1024 texels", "rsm.1024"),)),
     "blended_layers": ("surfaces that are seen through, in layers", (("4 layers", "blended-layers.4"),)),
+    "ao": ("ambient occlusion by the technique and setting that suit a preset, an error or a time", ()),
     "ray_ao": ("ambient occlusion by Embree rays against the mesh: the reference", ()),
     "multi_bounce": ("AO corrected for light that surrounding surfaces reflect", ()),
     "render": (
@@ -50,6 +51,7 @@ ORDER = (
     "rasterize.rsm",
     "shadow_maps",
     "blended_layers",
+    "ao",
     "gtao",
     "gtao(bent_normals=True)",
     "bitmask_ao",

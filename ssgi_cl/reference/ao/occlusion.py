@@ -16,17 +16,19 @@ DEPTH_SIGMA = 0.002
 JOINED_SIGMA = 0.4
 """Standard deviation in pixels of the blur of joined taps, over its radius + 1."""
 
+TILE_SIGMA = 2.0 / 1.3862943611198906**0.5
+"""Of GTAO's blur of radius 3: exp(-4 / (2 sigma^2)) = 1/2."""
+
 
 def blur_of(params: Any) -> Blur:
     """Return the blur that parameters of ambient occlusion ask for."""
     step = RESOLUTIONS[params.resolution] if params.blur_resolution == "own" else 1
-    joined = getattr(params, "joined", False)
-    return Blur(
-        radius=params.blur_radius,
-        passes=params.blur_passes,
-        depth_sigma=DEPTH_SIGMA * step,
-        sigma=JOINED_SIGMA * (params.blur_radius + 1) if joined else 0.0,
-    )
+    sigma = 0.0
+    if getattr(params, "joined", False):
+        sigma = JOINED_SIGMA * (params.blur_radius + 1)
+    elif hasattr(params, "bent_normals") and params.blur_radius == 3:  # GTAO's
+        sigma = TILE_SIGMA
+    return Blur(radius=params.blur_radius, passes=params.blur_passes, depth_sigma=DEPTH_SIGMA * step, sigma=sigma)
 
 
 def finished(visibility: Doubles, view: SurfaceView, full: SurfaceView, params: Any) -> Doubles:

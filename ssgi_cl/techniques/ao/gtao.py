@@ -5,8 +5,9 @@ Bent normals, the mean unoccluded directions, come from the same horizons.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, Unpack, overload
 
 import numpy as np
@@ -21,9 +22,22 @@ from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.techniques.ao.bent_normals import BentNormals
 from ssgi_cl.techniques.ao.occlusion import made_for
 from ssgi_cl.techniques.ao.occlusion_bands import occlusion_plan
-from ssgi_cl.techniques.ao.slices import PRESET_LAYERS, TUNABLE, SliceKeywords, SliceParams, SliceTechnique, slice_reach
+from ssgi_cl.techniques.ao.slices import (
+    PRESET_LAYERS,
+    TILE,
+    TUNABLE,
+    SliceKeywords,
+    SliceParams,
+    SliceTechnique,
+    slice_reach,
+)
 from ssgi_cl.techniques.bands import banded
+from ssgi_cl.techniques.filters.bilateral import BilateralParams
 from ssgi_cl.techniques.technique import Bench, Technique
+
+TILE_SIGMA = math.sqrt(2.0 / math.log(2.0))
+"""Standard deviation in pixels of the blur of the tile: two pixels away it weighs half, so that along rows and columns
+what repeats every 4 pixels cancels out: 1 - 2 / 2 = 0."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +48,13 @@ class GtaoParams(SliceParams):
     of both sides), tap_power=2, falloff=0.615, contrast=2.2.
     """
 
+    blur_radius: int = param(
+        TILE - 1,
+        "edge-aware blur against the noise of the 4 x 4 tile; 3 cancels what repeats with it; 0 for none",
+        low=0,
+        high=16,
+        unit="px",
+    )
     falloff: float = param(
         0.0,
         "part of the radius, at its end, over which a horizon moves down to the tangent plane; 0 for a sharp end",
@@ -51,6 +72,12 @@ class GtaoParams(SliceParams):
     def channels(self) -> int:
         """A, and x, y and z of the bent normal."""
         return 4 if self.bent_normals else 1
+
+    @property
+    def blur(self) -> BilateralParams:
+        """Parameters of the blur of A; one less than the tile's size in radius, it cancels the tile's pattern."""
+        blur = super().blur
+        return replace(blur, sigma=TILE_SIGMA) if blur.radius == TILE - 1 else blur
 
 
 class GtaoKeywords(SliceKeywords, total=False):

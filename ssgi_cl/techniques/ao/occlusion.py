@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, TypedDict, TypeVar, get_args
 
@@ -27,6 +28,8 @@ RESOLUTIONS: dict[str, int] = dict(zip(get_args(Resolution), (1, 2, 4), strict=T
 """Step of the pixels of each."""
 BLUR_DEPTH_SIGMA = 0.002
 """Of the blur, per pixel of the result: small enough to keep reliefs a few pixels wide."""
+_UNREAD = ("albedo", "emission", "specular", "gloss", "motion")
+"""Arrays of a G-buffer that occlusion does not read."""
 BLUR_RESOLUTIONS = get_args(BlurResolution)
 """Size at which the blur works: that at which occlusion is computed, or the full one."""
 
@@ -174,10 +177,24 @@ def made_for(
         gbuffer, runtime, **given: as its function was called; see `params_for`.
     """
     params = params_for(technique, gbuffer, runtime, **given)
-    device = on_device(gbuffer, runtime)
-    made: T = device.runtime.prepared(
-        (technique, device.size, device.margin, device.layers, params.shape()),
-        lambda: technique(device.runtime, device.size, params, device.margin, device.layers),
+    device = surfaces_on_device(gbuffer, runtime)
+    return prepared_for(technique, device, params), device
+
+
+def surfaces_on_device(gbuffer: GBuffer | DeviceGBuffer, runtime: Runtime | None) -> DeviceGBuffer:
+    """Return the G-buffer in device memory; of one in host memory only what occlusion reads goes there."""
+    if isinstance(gbuffer, GBuffer):
+        gbuffer = copy(gbuffer)
+        for name in _UNREAD:
+            object.__setattr__(gbuffer, name, None)
+    return on_device(gbuffer, runtime)
+
+
+def prepared_for(technique: type[T], gbuffer: DeviceGBuffer, params: Any) -> T:
+    """Return a technique for G-buffers like this one, prepared unless it was before."""
+    made: T = gbuffer.runtime.prepared(
+        (technique, gbuffer.size, gbuffer.margin, gbuffer.layers, params.shape()),
+        lambda: technique(gbuffer.runtime, gbuffer.size, params, gbuffer.margin, gbuffer.layers),
     )
     made.params = params
-    return made, device
+    return made

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from ssgi_cl.core import checks
@@ -27,17 +28,29 @@ MARGIN_SLACK = 0.9
 
 @dataclass(frozen=True)
 class Choice:
-    """Parameters for a technique, with their expected error and time.
+    """Technique and parameters, with their expected error and time.
 
     Attributes:
         params: of the technique, for its class.
-        error: RMSE against cast rays that the recorded setting had on the scenes for tuning.
-        ms: device time of a picture here; None unless a time was asked for.
+        error: RMSE against cast rays that the recorded setting had on the scenes for tuning; of `ssgi_cl.ao`, on those
+            for validation if it is greater there.
+        ms: predicted device time of a picture here; None unless `ssgi_cl.choose` was asked for a time.
+        technique: its name.
+        parameters: those that were chosen.
+        layers, overscan: depth layers of the G-buffer, and its margin as a share of the image where that counts.
+        wall_ms: wall time that calls of `ssgi_cl.ao` took here; None unless a time was asked for.
+        why: the reason, in words.
     """
 
     params: Any
     error: float
     ms: float | None = None
+    technique: str = ""
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    layers: int = 1
+    overscan: float = 0.0
+    wall_ms: float | None = None
+    why: str = ""
 
 
 def choice_for(
@@ -61,8 +74,8 @@ def choice_for(
         checks.integer(f"size[{index}]", size[index], low=1, high=16384, unit="px")
     checks.integer("layers", layers, low=1, high=16)
     asked = {"preset": preset, "error": error, "budget_ms": budget_ms}
-    _check_single(asked, least=1)
-    has_margin = _reaches(margin, size, presets.record(name)["overscan"])
+    check_single(asked, least=1)
+    has_margin = reaches(margin, size, presets.record(name)["overscan"])
 
     def error_of(setting: presets.Setting) -> float:
         return setting.error if has_margin else setting.error_cut
@@ -85,7 +98,7 @@ def choice_for(
         budget = checks.number("budget_ms", budget_ms, low=0.0, above=True, unit="ms")
         runtime = runtime or Runtime.open()
         timed = [
-            (predicted_ms(runtime, technique, _with_layers(name, setting.ms, layers), size), setting)
+            (predicted_ms(runtime, technique, with_layers(name, setting.ms, layers), size), setting)
             for setting in presets.curve(name, layers)
         ]
         fast = [pair for pair in timed if pair[0] <= budget]
@@ -120,7 +133,7 @@ def params_for(
     asked = {name: given.pop(name) for name in ASKED if name in given}
     if not asked:
         return technique.defaults(**given)
-    _check_single(asked)
+    check_single(asked)
     if isinstance(gbuffer, DeviceGBuffer):
         runtime = gbuffer.runtime
     chosen = choice_for(
@@ -129,7 +142,8 @@ def params_for(
     return chosen.params
 
 
-def _check_single(asked: dict[str, Any], least: int = 0) -> None:
+def check_single(asked: Mapping[str, Any], least: int = 0) -> None:
+    """Raise ValueError unless at most one thing is asked for, and at least so many."""
     given = [f"{name} is {value!r}" for name, value in asked.items() if value is not None]
     if not least <= len(given) <= 1:
         how_many = "exactly" if least else "at most"
@@ -138,7 +152,7 @@ def _check_single(asked: dict[str, Any], least: int = 0) -> None:
         )
 
 
-def _reaches(margin: Size, size: Size, overscan: float) -> bool:
+def reaches(margin: Size, size: Size, overscan: float) -> bool:
     """Return whether a margin is about as wide as the recorded one."""
     return all(part >= MARGIN_SLACK * overscan * whole for part, whole in zip(margin, size, strict=True))
 
@@ -150,7 +164,7 @@ def _named(technique: str, name: str, layers: int) -> presets.Setting:
     return presets.Setting(**values)
 
 
-def _with_layers(technique: str, ms: float, layers: int) -> float:
+def with_layers(technique: str, ms: float, layers: int) -> float:
     """Return a time recorded for the next lower number of layers as one of `layers`.
 
     Between recorded numbers, and beyond them, the defaults' time tells how it grows.

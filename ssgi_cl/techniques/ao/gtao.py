@@ -105,7 +105,7 @@ class Gtao(SliceTechnique[GtaoParams]):
         params = self.params
         return {"GTAO_FALLOFF": int(params.falloff > 0.0), "GTAO_BENT": int(params.bent_normals)}
 
-    def _values(self) -> Mapping[str, float]:
+    def _values(self, *, thick: int) -> Mapping[str, float]:
         params = self.params
         return {
             "falloff_scale": 1.0 / params.falloff if params.falloff > 0.0 else 0.0,

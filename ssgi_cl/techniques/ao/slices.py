@@ -30,7 +30,7 @@ SLICES = Struct(
     "SliceParams",
     (
         *floats("radius", "ortho_unit", "unit_px", "most_px", "bias", "depth_bias", "contrast"),
-        *floats("thickness", "slack", "falloff_scale", "thin"),
+        *floats("thickness", "slack", "falloff_scale", "thin", "decay"),
         *floats("attenuation", "bias_cos", "bias_sin"),
         *ints("margin_left", "margin_right", "margin_top", "margin_bottom", "stride", "lead", "exact"),
     ),

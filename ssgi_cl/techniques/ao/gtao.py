@@ -47,8 +47,8 @@ class GtaoParams(SliceParams):
     )
     horizon_decay: float = param(
         0.0,
-        "part of the way by which a horizon sinks towards each farther tap that is lower, so that what is narrow in the "
-        "image hides less; 0 for the highest tap",
+        "part of the way by which a horizon sinks towards each farther tap that is lower, so that what is narrow in "
+        "the image hides less; 0 for the highest tap",
         low=0.0,
         high=1.0,
         shape=bool,
@@ -179,7 +179,8 @@ def gtao(
     Jimenez et al. 2016, "Practical Realtime Strategies for Accurate Indirect Occlusion". Departs: a
     horizon is measured from the tangent plane, slices weigh by the azimuth that they stand for, and
     the sum is divided by that of open slices, so that a plane is unoccluded; `falloff` is that of
-    XeGTAO (Intel 2021); `horizon_decay` is the published thickness heuristic, off by default; all depth layers are read.
+    XeGTAO (Intel 2021); `horizon_decay` is the published thickness heuristic, off by default; all
+    depth layers are read.
 
     Args:
         gbuffer: depth, and normals if there are any; taps reach into its margin, and into all its

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.device.constants import SLICES_SIMILAR
 from ssgi_cl.device.runtime import Runtime
@@ -37,7 +38,7 @@ def test_falloff_opens_what_is_far(runtime: Runtime, choice: dict[str, Any]) -> 
 
 def test_horizon_sinks_behind_what_is_narrow(runtime: Runtime) -> None:
     # A rod of 3 px before a plane, and a wall at the same height that fills a half of the image.
-    made = camera(size=(48, 96))
+    made = Camera.look_at((0, 0, 5), (0, 0, 0), yfov=0.8, width=96, height=48)
     depth = np.full(made.size, 5.0, np.float32)
     depth[:, 24:27] = depth[:, 64:] = 4.7
     gbuffer = GBuffer(camera=made, depth=depth, normal=np.broadcast_to(np.float32([0, 0, 1]), (48, 96, 3)))

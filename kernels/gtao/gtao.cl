@@ -37,7 +37,11 @@
 #endif
 
 #define GTAO_IMAGES (1 + 3 * GTAO_BENT)
-#define GTAO_COSINES (GTAO_FALLOFF || GTAO_DECAY) // horizons are cosines
+#if GTAO_FALLOFF || GTAO_DECAY
+#define GTAO_COSINES 1 // horizons are cosines
+#else
+#define GTAO_COSINES 0
+#endif
 
 // What a slice sees, and the directions that it hides.
 typedef struct {

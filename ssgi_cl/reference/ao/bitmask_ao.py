@@ -76,7 +76,9 @@ def hidden_by(
     for tap in taps:
         begin, end = tap.solid
         first, last = (scan.cotangent(plane, side, f, tap.x, tap.y) for f in tap.solid)
-        yield begin < end, first, last
+        # Of joined taps the front's own angle counts, which is measured along the slice.
+        own = params.joined & (begin == tap.f)
+        yield begin < end, np.where(own, tap.cot, first), last
     if not params.joined:
         for tap in taps:
             yield tap.counts & ~tap.known, tap.back, tap.cot

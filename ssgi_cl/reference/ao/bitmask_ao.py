@@ -25,8 +25,8 @@ MOST_TAPS = 64
 def bitmask_reference(gbuffer: GBuffer, params: BitmaskParams) -> NDArray[np.float64]:
     """Return A [rows, columns] from the same taps as the kernel, blurred and upsampled alike."""
     if gbuffer.thickness is not None and np.ndim(gbuffer.thickness) == 3 and len(np.asarray(gbuffer.thickness)) > 1:
-        # What has no thickness beside others is a sheet, and slopes need less of a slack.
-        params = replace(params, thickness=params.thickness / 3.0, slack=params.slack / 2.0)
+        # What is known needs no slack to be joined.
+        params = replace(params, slack=params.slack / 2.0)
     first = replace(params, taps=taps_of(params, gbuffer.layers)[0])
     return finished(gbuffer, first, lambda scan: visibility(scan, params), params.thickness, params.end)
 

@@ -25,9 +25,8 @@ SECTORS = ("cosine", "angle")
 ENDS = ("thickness", "layer")
 MOST_TAPS = 64
 """Of a side of a slice."""
-OPEN_THICKNESS, KNOWN_SLACK = 1.0 / 3.0, 0.5
-"""Of `thickness` and of `slack`, where several layers have a thickness by pixel: what has none is a sheet, and the tap
-behind a solid is rarely of its surface."""
+KNOWN_SLACK = 0.5
+"""Of `slack`, where several layers have a thickness by pixel: the tap behind a solid is rarely of its surface."""
 JOINED_SIGMA = 0.4
 """Standard deviation of the blur of joined taps over its radius and a half pixel on either side."""
 
@@ -83,7 +82,7 @@ class BitmaskParams(SliceParams):
         """Return the parameters with which layers are read of which so many have a thickness by pixel."""
         if layers < 2:
             return self
-        return replace(self, thickness=self.thickness * OPEN_THICKNESS, slack=self.slack * KNOWN_SLACK)
+        return replace(self, slack=self.slack * KNOWN_SLACK)
 
     def deeper(self, layers: int) -> int:
         """Return the most taps of a side in each of so many layers but the first."""

@@ -126,7 +126,7 @@ def test_thickness_that_is_not_known_counts_as_none_given(
 ) -> None:
     gbuffer = two_layers(camera(size=(31, 39)), rng)
     unknown = np.full(gbuffer.depth.shape, -1.0, np.float32)[:layers]
-    # Of several layers what is not known is a sheet, see `BitmaskParams.beside_known`.
+    # With several layers less slack joins taps, see `BitmaskParams.beside_known`.
     params = BitmaskParams(radius=0.6, blur_radius=0).beside_known(layers)
     given = bitmask_ao(replace(gbuffer, thickness=unknown[0] if layers == 1 else unknown), 0.6, blur_radius=0)
     without = bitmask_ao(gbuffer, 0.6, thickness=params.thickness, slack=params.slack, blur_radius=0, runtime=runtime)

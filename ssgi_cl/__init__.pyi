@@ -50,6 +50,7 @@ from .techniques.ao.ao import ao as ao
 from .techniques.ao.bitmask_ao import BitmaskAo as BitmaskAo
 from .techniques.ao.bitmask_ao import BitmaskParams as BitmaskParams
 from .techniques.ao.bitmask_ao import bitmask_ao as bitmask_ao
+from .techniques.ao.confidence import ao_confidence as ao_confidence
 from .techniques.ao.gtao import Gtao as Gtao
 from .techniques.ao.gtao import GtaoParams as GtaoParams
 from .techniques.ao.gtao import gtao as gtao

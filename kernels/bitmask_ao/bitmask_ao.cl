@@ -10,15 +10,17 @@
 //          With BITMASK_JOINED neighbouring taps of a layer are ends of one surface where the depth
 //          between them goes on as before the first or behind the second, or bends from the one to
 //          the other; 1 / depth is linear along a plane's image, so that takes three slopes. The
-//          surface covers what lies between its ends, cut off exactly at the radius; only a tap
-//          that is joined to none before it has a thickness: the same for all, or that of its
-//          pixel (SLICES_THICKNESS), no farther than the next layer (SLICES_NEXT).
+//          surface covers what lies between its ends, cut off exactly at the radius. A tap of known
+//          thickness (SLICES_THICKNESS) covers what of its view ray lies in it and within the
+//          radius; of the others only one that is joined to none before it has a thickness, no
+//          farther than the next layer (SLICES_NEXT).
 // Reads:   inv_depth    SLICES_LAYERS x [rows, 4 stride] with margin, from slices_inv_depth
 //          normal  3 x [rows, columns] with margin, view space, unit length
 //          table   [4 rows][4 columns][SLICES_COUNT][3 + SLICES_TAPS], see common/slices.clh
 // Writes:  visibility [rows, columns] without margin, A in [0, 1]; 1 where nothing is
 // Macros:  SLICES_COUNT, SLICES_TAPS, SLICES_LAYERS (>= 1), SLICES_DEEPER (1..SLICES_TAPS),
-//          BITMASK_ANGLE, BITMASK_JOINED, SLICES_THICKNESS, SLICES_NEXT (0, 1)
+//          SLICES_THICKNESS: layers, from the front, whose thickness follows behind all;
+//          BITMASK_ANGLE, BITMASK_JOINED, SLICES_NEXT (0, 1)
 // Launch:  every fourth of 4 SSGI_LANES pixels of a row per work-item, see common/scan.clh
 // Cost:    2 * SLICES_COUNT * (SLICES_TAPS + SLICES_DEEPER * (SLICES_LAYERS - 1)) reads per pixel,
 //          fewer where several taps lie in one pixel
@@ -57,11 +59,17 @@ SSGI_INLINE void bitmask_slice(ssgi_plane inv_depth, const SsgiReceiver *receive
             for (BitmaskStep at = bitmask_start(&path, layer);
                  bitmask_next(slice, &path, layer, &at);) {
                 const SsgiTap tap = ssgi_tap(inv_depth, &sided, slice, &taps, side, at.t, layer);
+                bool has_front = false;
                 if (BITMASK_JOINED) {
                     bitmask_join(inv_depth, &sided, slice, &tap, at.per_px, side, layer, params,
                                  surfaces);
+                    has_front = surfaces->last.high && surfaces->last.inside;
                 } else {
                     bitmask_tap(inv_depth, &sided, slice, &tap, side, layer, surfaces);
+                }
+                if (layer < SLICES_THICKNESS) {
+                    bitmask_solid(inv_depth, &sided, slice, &tap, surfaces->last.sector, has_front,
+                                  side, layer, surfaces);
                 }
             }
             if (BITMASK_JOINED) {

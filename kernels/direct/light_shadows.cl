@@ -9,7 +9,8 @@
 //          it passes the tap's pixel centre, so that a plane never shadows itself.
 // Reads:   depth   LIGHT_LAYERS x [rows, columns] with margin, scene units; INFINITY for nothing
 //          normal  images 3 light.layer + c, likewise, view space, unit length
-//          thickness  of the front layer, likewise, scene units; with LIGHT_THICKNESS 0 not read
+//          thickness  of the front layer, likewise, scene units, -1: not known; not read with
+//                     LIGHT_THICKNESS 0
 //          tile    [4 rows][3][16 columns]: a point of the unit disc; where in its part of the
 //                  way a tap lies, [0, 1)
 // Writes:  irradiance  3 x [rows, columns] W/m^2 without margin, added to (SHADE_ADD 1) or set
@@ -126,7 +127,8 @@ __kernel void light_shadows(ssgi_plane depth, ssgi_plane normal,
                 vfloat thick = v_splat(params.thickness);
 #if LIGHT_THICKNESS
                 if (layer == 0) {
-                    thick = ssgi_gather(thickness, whole, 0, column, row);
+                    const vfloat given = ssgi_gather(thickness, whole, 0, column, row);
+                    thick = v_select(given, thick, v_lt(given, v_splat(0.0f)));
                 }
 #endif
                 const vfloat back = v_min(seen + thick, next);

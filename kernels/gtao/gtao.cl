@@ -6,8 +6,10 @@
 // Departs: a horizon is measured from the tangent plane, so that planes are open at any tilt; the
 //          sum is over what the same slices would see if nothing occluded, so that A is 1 there;
 //          slices are weighted by the azimuth they stand for. With GTAO_FALLOFF a horizon moves
-//          towards the tangent plane with distance, as in XeGTAO (Intel 2021). Where the surface is
-//          flat and its normal another, horizons begin at its own plane, see common/facets.clh.
+//          towards the tangent plane with distance, as in XeGTAO (Intel 2021). With GTAO_DECAY it
+//          sinks towards each farther tap that is lower, the published thickness heuristic. Where
+//          the surface is flat and its normal another, horizons begin at its own plane, see
+//          common/facets.clh.
 // Bent:    the mean unoccluded direction, weighted by cosine: the mean of all directions, 2/3 of
 //          the normal n, less what horizons hide. A side's directions up to the angle h sum up,
 //          towards the eye and across, to
@@ -20,7 +22,8 @@
 // Writes:  visibility [rows, columns] without margin, A in [0, 1]; 1 where nothing is; with
 //          GTAO_BENT 3 more images, the bend in view space, about n's length at most; 0 where
 //          nothing is
-// Macros:  SLICES_COUNT, SLICES_TAPS, SLICES_LAYERS (>= 1), GTAO_FALLOFF, GTAO_BENT (0, 1)
+// Macros:  SLICES_COUNT, SLICES_TAPS, SLICES_LAYERS (>= 1), GTAO_FALLOFF, GTAO_DECAY, GTAO_BENT
+//          (0, 1)
 // Launch:  every fourth of 4 SSGI_LANES pixels of a row per work-item, see common/scan.clh
 // Cost:    2 * SLICES_COUNT * SLICES_TAPS * SLICES_LAYERS reads per pixel
 
@@ -29,11 +32,16 @@
 #include "common/scan.clh"
 
 #if !defined(SLICES_COUNT) || !defined(SLICES_TAPS) || !defined(SLICES_LAYERS) ||                  \
-    !defined(GTAO_FALLOFF) || !defined(GTAO_BENT)
-#error "SLICES_COUNT, _TAPS, _LAYERS, GTAO_FALLOFF and GTAO_BENT must be defined by the host"
+    !defined(GTAO_FALLOFF) || !defined(GTAO_DECAY) || !defined(GTAO_BENT)
+#error "SLICES_COUNT, _TAPS, _LAYERS, GTAO_FALLOFF, _DECAY and _BENT must be defined by the host"
 #endif
 
 #define GTAO_IMAGES (1 + 3 * GTAO_BENT)
+#if GTAO_FALLOFF || GTAO_DECAY
+#define GTAO_COSINES 1 // horizons are cosines
+#else
+#define GTAO_COSINES 0
+#endif
 
 // What a slice sees, and the directions that it hides.
 typedef struct {
@@ -49,23 +57,27 @@ SSGI_INLINE vfloat gtao_cosine(const vfloat cot)
     return cot * v_rsqrt_quick(v_fma(cot, cot, v_splat(1.0f)));
 }
 
-// How far above the tangent plane of a side a tap is: SsgiPairTap.rise, or with falloff the cosine,
-// which moves towards the plane's with distance.
+// How far above the tangent plane of a side a tap is: SsgiPairTap.rise, or with falloff or decay
+// the cosine, which with falloff moves towards the plane's with distance.
 SSGI_INLINE vfloat gtao_rise(const SsgiReceiver *receiver, const SsgiSlice *slice,
                              const SsgiPairTap *tap, const int side, const SliceParams params)
 {
-    if (!GTAO_FALLOFF) {
+    if (!GTAO_COSINES) {
         return tap->rise;
     }
     const vfloat edge = side == 0 ? slice->edge : -slice->edge;
     const vfloat low = gtao_cosine(edge);
+    const vfloat rise = v_max(tap->rise, v_splat(0.0f)) * slice->steepness;
+    const vfloat above = gtao_cosine(edge + v_min(rise, v_splat(SLICES_STEEPEST))) - low;
+    if (!GTAO_FALLOFF) {
+        return above;
+    }
     const vfloat scale = ssgi_scale(receiver, tap->f);
     const vfloat depth = tap->f / (receiver->radius * scale);
     const vfloat distance = v_sqrt(v_fma(depth * depth, v_splat(params.thin),
                                          ssgi_squared_radii(receiver, tap->f, tap->outside)));
     const vfloat weight = v_clamp((1.0f - distance) * params.falloff_scale, 0.0f, 1.0f);
-    const vfloat rise = v_max(tap->rise, v_splat(0.0f)) * slice->steepness;
-    return (gtao_cosine(edge + v_min(rise, v_splat(SLICES_STEEPEST))) - low) * weight;
+    return above * weight;
 }
 
 // a of the angle that has this cosine and sine, g being towards the side.
@@ -119,7 +131,7 @@ SSGI_INLINE void gtao_end_side(const SsgiReceiver *receiver, const SsgiSlice *sl
     const vfloat edge = side == 0 ? slice->edge : -slice->edge;
     const vfloat sin_normal = side == 0 ? slice->sin_normal : -slice->sin_normal;
     vfloat cosine, sine;
-    if (GTAO_FALLOFF) {
+    if (GTAO_COSINES) {
         cosine = gtao_cosine(edge) + rise;
         sine = v_sqrt(v_max(v_fma(-cosine, cosine, one), v_splat(0.0f)));
     } else {
@@ -167,6 +179,10 @@ SSGI_INLINE void gtao_scan(ssgi_plane inv_depth, const SsgiReceiver *receiver,
 #pragma unroll 1
         for (int t = 0; t < SLICES_TAPS; ++t) {
             const SsgiPair pair = ssgi_pair(receiver, &slice, &taps, t);
+            const vfloat before[2] = {highest[0], highest[1]};
+            if (GTAO_DECAY) {
+                highest[0] = highest[1] = v_splat(0.0f); // of this tap
+            }
 #pragma unroll 1
             for (int layer = 0; layer < SLICES_LAYERS; ++layer) {
                 const SsgiPairTap both[2] = {
@@ -178,6 +194,14 @@ SSGI_INLINE void gtao_scan(ssgi_plane inv_depth, const SsgiReceiver *receiver,
                     const vfloat rise = gtao_rise(receiver, &slice, &both[side], side, params);
                     highest[side] =
                         v_max(highest[side], v_select(v_splat(0.0f), rise, both[side].counts));
+                }
+            }
+            if (GTAO_DECAY) {
+#pragma unroll
+                for (int side = 0; side < 2; ++side) {
+                    const vfloat lower = v_min(highest[side] - before[side], v_splat(0.0f));
+                    highest[side] =
+                        v_max(highest[side], v_fma(lower, v_splat(params.decay), before[side]));
                 }
             }
         }

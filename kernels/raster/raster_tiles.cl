@@ -3,7 +3,7 @@
 //
 // Ties of D go to the triangle of lesser number, so the order of the lists doesn't show. With
 // RASTER_PEEL only what lies behind the layer before, by more than `view.peel` and
-// `view.peel_more`, is seen.
+// `view.peel_more`, is seen; with RASTER_BACKS only the inner sides of closed surfaces are.
 //
 // Method:  records are read a lane each, which finds what the loops over their pixels need; these
 //          then have a pixel a lane.
@@ -11,8 +11,9 @@
 //          previous  D of the layer before (RASTER_PEEL 1)
 //          corners, positions_view, uvs, cutouts, textures, texels, decode: for cut-out materials
 //          (RASTER_CUTOUT 1); cutouts [triangles] material of a triangle with holes, or -1
+//          closed: as of raster_sides (RASTER_BACKS 1)
 // Writes:  depths, triangles  [tile count][32][32] D, and the number or -1
-// Macros:  RASTER_PEEL (0, 1), RASTER_CUTOUT (0, 1), RASTER_WIDE, RASTER_HIGH: pixels of a
+// Macros:  RASTER_PEEL, RASTER_BACKS, RASTER_CUTOUT (0, 1), RASTER_WIDE, RASTER_HIGH: pixels of a
 //          work-item's rectangle, of which a tile holds a whole number, RASTER_WIDE a multiple of
 //          the lanes; RASTER_SPREAD: 0
 // Params:  size = image
@@ -25,9 +26,9 @@
 #include "raster/records.clh"
 #include "raster/rectangle.clh"
 
-#if !defined(RASTER_PEEL) || !defined(RASTER_CUTOUT) || !defined(RASTER_WIDE) ||                   \
-    !defined(RASTER_HIGH)
-#error "RASTER_PEEL, RASTER_CUTOUT, RASTER_WIDE and RASTER_HIGH must be defined by the host"
+#if !defined(RASTER_PEEL) || !defined(RASTER_BACKS) || !defined(RASTER_CUTOUT) ||                  \
+    !defined(RASTER_WIDE) || !defined(RASTER_HIGH)
+#error "RASTER_PEEL, _BACKS, _CUTOUT, _WIDE and _HIGH must be defined by the host"
 #endif
 
 // What depends on a pixel's own column or row alone, not on where lanes begin.
@@ -200,6 +201,29 @@ static inline void raster_draw(const RasterBatch *batch, const int n, const Rast
     }
 }
 
+#if RASTER_BACKS
+// Does a triangle show the inner side of a closed surface?
+static inline bool raster_is_inner(const int number, __global const int *restrict closed,
+                                   __global const int *restrict corners,
+                                   __global const float *restrict positions_view,
+                                   const SsgiCamera camera, const RasterView view)
+{
+    const int outward = closed[number];
+    if (outward == 0) {
+        return false;
+    }
+    float3 at[3];
+    for (int i = 0; i < 3; ++i) {
+        const int corner = corners[i * view.triangle_stride + number];
+        at[i] = (float3)(positions_view[corner], positions_view[view.vertex_stride + corner],
+                         positions_view[2 * view.vertex_stride + corner]);
+    }
+    const float3 across = cross(at[1] - at[0], at[2] - at[0]);
+    const float away = camera.perspective != 0.0f ? dot(across, at[0]) : -across.z;
+    return outward * away > 0.0f;
+}
+#endif
+
 __kernel void
 raster_tiles(__global const int *restrict records, __global const int *restrict starts,
              __global const int *restrict list, __global const float *restrict previous,
@@ -207,6 +231,9 @@ raster_tiles(__global const int *restrict records, __global const int *restrict 
              __global const float *restrict uvs, __global const int *restrict cutouts,
              __global const float *restrict materials, __global const int *restrict textures,
              __global const int *restrict texels, __global const float *restrict decode,
+#if RASTER_BACKS
+             __global const int *restrict closed,
+#endif
              __global float *restrict depths, __global int *restrict triangles, const int2 size,
              const SsgiCamera camera, const RasterView view)
 {
@@ -224,6 +251,11 @@ raster_tiles(__global const int *restrict records, __global const int *restrict 
         raster_read(records, list, i, end, &in, camera, &batch);
         for (int j = 0; j < batch.count; ++j) {
             const int n = v_lane(batch.kept[v_lane(j)]);
+#if RASTER_BACKS
+            if (!raster_is_inner(batch.numbers[n], closed, corners, positions_view, camera, view)) {
+                continue;
+            }
+#endif
             if (!batch.narrow[n]) {
                 raster_widen(records, list[i + n], n, &in, &batch);
             }

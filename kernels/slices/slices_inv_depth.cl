@@ -7,12 +7,12 @@
 //
 // Reads:   depth      INV_DEPTH_LAYERS x [rows, columns] with margin, scene units; INFINITY where
 //                     nothing is
-//          thickness  [rows, columns] with margin, scene units, with INV_DEPTH_THICKNESS alone
+//          thickness  INV_DEPTH_THICKNESS x [rows, columns] with margin, scene units; -1: not known
 // Writes:  inv_depth  INV_DEPTH_LAYERS x [rows, 4 stride], column c at (c + lead) % 4 * stride +
 //                     (c + lead) / 4: 1 / depth, 0 where nothing is (perspective);
 //                     depth in pixels' widths, INFINITY where nothing is (orthographic);
-//                     with INV_DEPTH_THICKNESS another image behind them, thickness in scene units
-// Macros:  INV_DEPTH_LAYERS (>= 1), INV_DEPTH_THICKNESS (0, 1)
+//                     INV_DEPTH_THICKNESS images behind them, thickness in scene units
+// Macros:  INV_DEPTH_LAYERS (>= 1), INV_DEPTH_THICKNESS: layers that have a thickness (>= 0)
 // Launch:  SSGI_LANES floats of a row of `inv_depth` per work-item
 // Cost:    1 read and 1 write per pixel and layer
 
@@ -48,8 +48,10 @@ __kernel void slices_inv_depth(ssgi_plane depth,
         ssgi_store(value, inv_depth, size, layer, x, y, perspective ? 0.0f : INFINITY);
     }
 #if INV_DEPTH_THICKNESS
-    const vfloat thick = ssgi_load_sorted(thickness, &from, 0);
-    ssgi_store(v_select(v_splat(0.0f), thick, from.inside), inv_depth, size, INV_DEPTH_LAYERS, x, y,
-               0.0f);
+    for (int layer = 0; layer < INV_DEPTH_THICKNESS; ++layer) {
+        const vfloat thick = ssgi_load_sorted(thickness, &from, layer);
+        ssgi_store(v_select(v_splat(0.0f), thick, from.inside), inv_depth, size,
+                   INV_DEPTH_LAYERS + layer, x, y, 0.0f);
+    }
 #endif
 }

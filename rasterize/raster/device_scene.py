@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import cached_property
 from typing import Any
+from weakref import ref
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.core.closed_surfaces import closed_sides
 from ssgi_cl.core.scene import WRAPS, Scene, Wrap
 from ssgi_cl.core.srgb import BYTES
+from ssgi_cl.device.arrays import DeviceArray
 from ssgi_cl.device.constants import START_BATCH, START_FEW
 from ssgi_cl.device.runtime import Runtime
 
@@ -81,6 +85,14 @@ class DeviceScene:
         self.glossy = any(m.is_glossy for m in used)
         self.has_cutouts = bool((cutouts >= 0).any())
         self.culls = scene.culls
+        self._runtime, self._scene = runtime, ref(scene)  # it goes with the scene
+
+    @cached_property
+    def closed(self) -> DeviceArray:
+        """[triangles] int32: which side of a closed surface is the outer one, see `closed_sides`."""
+        scene = self._scene()
+        assert scene is not None  # noqa: S101  who draws it has it
+        return self._runtime.array(closed_sides(scene).astype(np.int32))
 
 
 SRGB_TO_LINEAR = BYTES.astype(np.float32)

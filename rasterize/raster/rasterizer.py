@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -79,6 +80,8 @@ class Rasterizer:
         world: of the target.
         matt: whether albedo has the reflectance of lobes in it, for what draws no lobes.
         lobes: whether the target gets what its front layer mirrors.
+        thickness: whether the target gets that of all layers, where they are of closed surfaces; a pass more draws
+            the inner sides behind the last layer.
         places: (right, down) from the centre of a pixel in steps of 1/256, at most half a pixel, at which `sampled`
             draws; without, it may not be called.
 
@@ -101,10 +104,11 @@ class Rasterizer:
         world: WorldNormals = "kept",
         matt: bool = False,
         lobes: bool = False,
+        thickness: bool = False,
         places: Sequence[tuple[int, int]] = (),
     ) -> None:
         self.runtime = runtime
-        self.matt, self.lobes, self.shaded, self.regions = matt, lobes, shaded, regions
+        self.matt, self.lobes, self.shaded, self.regions, self.thickness = matt, lobes, shaded, regions, thickness
         self.stride = -(-len(places) // LANES) * LANES
         steps = [*places, *[places[0] for _ in range(self.stride - len(places))]]
         self.places = runtime.array(np.array(steps, np.int32).reshape(-1, 2).T.ravel()) if places else None
@@ -160,6 +164,7 @@ class Rasterizer:
         self.target.emits = scene.emits and self.shaded
         self.target.mirrors = scene.glossy and self.lobes
         self.target.moves = 0
+        self.target.thickness = None
         self._visible = self._draw(scene, camera, lists, behind, before)
         return self.target
 
@@ -400,7 +405,7 @@ class Rasterizer:
     def _regions(self) -> list[Region | None]:
         """Return where each layer may have pixels: in tiles with more triangles than its number."""
         layers = range(self.target.layers)
-        if not self.regions:
+        if not self.regions or self.thickness:
             return [None for _ in layers]
         counts = np.diff(self._starts.download()).reshape(self._tiles)
         return [busy_region(counts > layer, self.target.whole, self.runtime.variant.lanes) for layer in layers]
@@ -414,13 +419,14 @@ class Rasterizer:
         packed_camera = CAMERA.pack(camera_values(camera))
         regions = self._regions()
         target.region = regions[0]
-        late = target.layers == 1 and target.world != "kept"
+        late = target.layers == 1 and target.world != "kept" and not self.thickness
         if self.shaded and not late:
             target.take_world()
         array = self.runtime.transient.array
         # A deeper layer begins behind the one before.
-        depths = [array(self._pixels, np.float32) for _ in range(min(target.layers, 2))]
+        depths = [array(self._pixels, np.float32) for _ in range(min(target.layers + self.thickness, 2))]
         seen = array(self._pixels, np.int32)
+        sides = self.runtime.transient.plane(target.layers, whole) if self.thickness else None
         for layer, region in enumerate(regions):
             shaded = layer < target.attributes
             view = {**values, "layer": layer}
@@ -430,7 +436,7 @@ class Rasterizer:
             # What was seen there before is to be cleared.
             with target.previous_regions[layer].over(region, scene.emits) as over:
                 over = None if over is None else widened(over, whole, self.runtime.variant.lanes)
-                peel = {"RASTER_PEEL": int(layer > 0 or behind is not None), "RASTER_SPREAD": 0}
+                peel = {"RASTER_PEEL": int(layer > 0 or behind is not None), "RASTER_BACKS": 0, "RASTER_SPREAD": 0}
                 self._run_tiles("raster/raster_tiles.cl", peel, scene, lists, visible, now, over, previous=nearer)
                 if late:
                     lists.clear()
@@ -444,7 +450,49 @@ class Rasterizer:
                     self.write_gloss(1, scene, target.specular, target.gloss, visible=visible, region=over)
                 if before is not None and layer == 0:
                     self._write_motion(scene, visible, before)
+                if sides is not None:
+                    self._write_sides(scene, visible, sides)
+        if sides is not None:
+            self._write_thickness(scene, lists, visible, depths[target.layers % 2], now, sides)
         return None
+
+    def _write_sides(self, scene: DeviceScene, visible: Visible, sides: Plane) -> None:
+        """Queue the pass that writes which side of a closed surface a layer shows."""
+        self.runtime.kernel("raster/raster_sides.cl", structs=STRUCTS).run(
+            self.target.whole,
+            triangles=visible.triangles,
+            faces=scene.faces,
+            vertices=scene.shading,
+            closed=scene.closed,
+            sides=sides,
+            camera=visible.camera,
+            view=VIEW.pack(visible.view),
+        )
+
+    def _write_thickness(
+        self, scene: DeviceScene, lists: _Lists, visible: Visible, depths: DeviceArray, last: DeviceArray, sides: Plane
+    ) -> None:
+        """Queue the passes that draw the inner sides behind the last layer, and write the thickness of all.
+
+        Args:
+            scene, lists, visible: of the last layer, whose triangles are overwritten.
+            depths: memory for D of the inner sides.
+            last: D of the last layer.
+            sides: of all layers, as `_write_sides` wrote them.
+        """
+        target = self.target
+        behind = Visible(visible.triangles, depths, visible.camera, {**visible.view, "layer": 0})
+        peel = {"RASTER_PEEL": 1, "RASTER_BACKS": 1, "RASTER_SPREAD": 0}
+        self._run_tiles(
+            "raster/raster_tiles.cl", peel, scene, lists, behind, depths, previous=last, closed=scene.closed
+        )
+        backs = self.runtime.transient.plane(1, target.whole, math.inf)
+        self.runtime.kernel("raster/raster_depth.cl", structs=STRUCTS).run(
+            target.whole, depths=depths, depth=backs, camera=behind.camera, view=VIEW.pack(behind.view)
+        )
+        self.runtime.kernel("raster/raster_thickness.cl", {"THICKNESS_LAYERS": target.layers}).run(
+            target.whole, depth=target.depth, sides=sides, backs=backs, thickness=target.take_thickness(target.layers)
+        )
 
     def _run_tiles(
         self,

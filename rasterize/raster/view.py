@@ -54,6 +54,7 @@ def gbuffer(
     layers: int = 1,
     overscan: float = 0.0,
     attributes: str = "first",
+    thickness: bool = False,
     backend: str = "opencl",
     previous_camera: Camera | None = None,
     previous_scene: Scene | None = None,
@@ -70,6 +71,9 @@ def gbuffer(
             [0, 1].
         attributes: "first" for normal, albedo and emission of the front layer, "all" for those of
             every layer.
+        thickness: whether the result has `thickness` of every layer: of closed surfaces, by drawing their inner
+            sides too. It is 0 for these, and -1, not known, for open surfaces and those that have holes, let light
+            pass or whose back is not there.
         backend: "opencl", or "pyrender" for OpenGL (needs the extra `opengl`).
         previous_camera: of the previous image, for `motion`; by default `camera`, if `previous_scene` is given.
         previous_scene: the scene as the previous image showed it: the same triangles, whose positions may be others
@@ -80,7 +84,7 @@ def gbuffer(
         depth ([layers, rows, columns] with more than one layer), normal, albedo and, if the scene
         emits light, emission ([layers, rows, columns, 3] with "all" and more than one layer); of
         a scene with glossy materials specular and gloss of the front layer; motion of the front layer if a previous
-        camera or scene is given.
+        camera or scene is given; thickness if that is asked for ([layers, rows, columns] with more than one layer).
         Normals are the mesh's own, not turned to the viewer.
 
     Raises:
@@ -90,6 +94,9 @@ def gbuffer(
     _check_scene(scene)
     layers = checks.integer("layers", layers, low=1, high=MOST_LAYERS)
     checks.choice("backend", backend, ("opencl", "pyrender"))
+    checks.switch("thickness", thickness)
+    if thickness and backend == "pyrender":
+        raise ValueError("thickness=True applies only to backend='opencl' (got 'pyrender')")
     shaded = layers if checks.choice("attributes", attributes, ATTRIBUTES) == "all" else 1
     for name, value in (("camera", camera), ("previous_camera", previous_camera or camera)):
         if not isinstance(value, Camera):
@@ -109,7 +116,7 @@ def gbuffer(
             del arrays["emission"]
         return _host(camera, arrays)
     previous = (previous_scene or scene, previous_camera or camera) if moving else None
-    return _drawn(scene, camera, layers, margin, shaded, previous, runtime=runtime)
+    return _drawn(scene, camera, layers, margin, shaded, previous, thickness=thickness, runtime=runtime)
 
 
 def _check_same_triangles(scene: Scene, previous: Scene) -> None:
@@ -132,14 +139,17 @@ def _drawn(
     shaded: int,
     previous: tuple[Scene, Camera] | None,
     *,
+    thickness: bool,
     runtime: Runtime | None,
 ) -> GBuffer:
     runtime = runtime or Runtime.open()
     kept = device_scene(scene, runtime)
     before = None if previous is None else Before(device_scene(previous[0], runtime), previous[1])
     rasterizer: Rasterizer = runtime.prepared(
-        (Rasterizer, camera.size, layers, margin, True, shaded),
-        lambda: Rasterizer(runtime, camera.size, layers=layers, margin=margin, attributes=shaded, lobes=True),
+        (Rasterizer, camera.size, layers, margin, True, shaded, thickness),
+        lambda: Rasterizer(
+            runtime, camera.size, layers=layers, margin=margin, attributes=shaded, lobes=True, thickness=thickness
+        ),
     )
     with runtime.frame():
         return downloaded(rasterizer.render(kept, camera, before=before))
@@ -157,6 +167,8 @@ def downloaded(target: DeviceGBuffer) -> GBuffer:
         arrays |= {"specular": _layers_of(target.specular)[0], "gloss": target.gloss.download()[0]}
     if target.moves:
         arrays["motion"] = _layers_of(target.motion)[0][..., : target.moves]
+    if target.thickness is not None:
+        arrays["thickness"] = target.thickness.download()
     return _host(target.camera, arrays)
 
 
@@ -167,7 +179,7 @@ def _layers_of(plane: Plane) -> Floats:
 
 def _host(camera: Camera, arrays: dict[str, Floats]) -> GBuffer:
     """Return a G-buffer of arrays; those with an axis of layers lose it if there is one layer alone."""
-    layered = [name for name in ("depth", "normal", "albedo", "emission") if name in arrays]
+    layered = [name for name in ("depth", "normal", "albedo", "emission", "thickness") if name in arrays]
     flat: dict[str, Any] = arrays | {name: arrays[name][0] for name in layered if len(arrays[name]) == 1}
     gbuffer = GBuffer(camera=camera, **flat)
     object.__setattr__(gbuffer, "exact", True)

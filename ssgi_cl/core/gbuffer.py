@@ -34,7 +34,7 @@ _LIMITS: dict[str, checks.Limits] = {
     "emission": {"low": 0.0, "high": checks.MOST_LIGHT},
     "specular": {"low": 0.0, "high": 1.0},
     "gloss": {"low": 0.0, "unit": "Phong exponent"},
-    "thickness": {"low": 0.0, "unit": "scene units", "infinite": True},
+    "thickness": {"low": -1.0, "unit": "scene units", "infinite": True},
     "motion": {},
 }
 """Arrays beside the depth, and the range of their values."""
@@ -43,8 +43,10 @@ _LOG = logging.getLogger("ssgi_cl")
 
 _INSTEAD_OF_NAN = {"depth": np.inf, "motion": MOST_MOTION}
 
-_FLAT = ("gloss", "thickness")
+_FLAT = ("gloss",)
 """Arrays of one channel and of the front layer alone."""
+
+_ONE_CHANNEL = ("depth", "gloss", "thickness")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -69,7 +71,8 @@ class GBuffer:
         specular: [rows, columns, 3] float32 reflectance of a Phong lobe in [0, 1], or None.
         gloss: [rows, columns] float32 exponent of that lobe, >= 0, or None.
         thickness: [rows, columns] float32, how far the front layer's surfaces reach behind what is
-            seen of them along the view ray, scene units, >= 0 (+inf: without end), or None.
+            seen of them along the view ray, scene units, >= 0 (+inf: without end; -1: not known), or None.
+            [layers, rows, columns] gives that of the deeper layers too.
         motion: [rows, columns, 2 or 3] float32 to the previous image: previous = current + motion, in
             columns (to the right) and rows (downwards) of pixels, in [-1e6, 1e6]; and previous depth minus
             depth in scene units. 0 where nothing is; 1e6 where the previous camera cannot see it. None:
@@ -173,6 +176,13 @@ class GBuffer:
         if name in _FLAT:
             array, shape = checks.plane(name, value, **limits), shape[-2:]
             size = array.shape
+        elif name == "thickness":
+            array = _layered(name, value, 0, **limits)
+            size = array.shape
+            if (between := (array > -1.0) & (array < 0.0)).any():
+                raise ValueError(
+                    f"thickness has {array[between][0]}: expected numbers >= 0 scene units, or -1 where it is not known"
+                )
         else:
             array = _layered(name, value, 3, **limits)
             size = array.shape[:-1]
@@ -196,7 +206,7 @@ class GBuffer:
         array = getattr(self, name)
         if array is None:
             return None
-        flat = 2 if name in ("depth", *_FLAT) else 3
+        flat = 2 if name in _ONE_CHANNEL else 3
         result: Floats = array if array.ndim == flat else array[0]
         return result
 

@@ -54,7 +54,8 @@ class DeviceGBuffer:
         world: how long `normal_world` stays: "kept"; "until released" by `release_world`; or
             "until derived", when `normal` takes its memory over. With `deferred` it is there if it was given.
         sides: what `ssdo_bitmask.closed_sides` found in the current contents, None if it did not look.
-        thickness: 1 image, scene units, or None if the contents have none.
+        thickness: 1 image or one for each layer, scene units, -1 where it is not known; or None if the contents have
+            none.
         motion: 3 images, columns and rows to the previous image in pixels, and the change of depth; asked for, it is
             there.
         moves: how many of these the contents have: 0, 2 or 3.
@@ -191,6 +192,13 @@ class DeviceGBuffer:
         else:
             self._normal_world = self.runtime.transient.plane(self._images, self.whole)
 
+    def take_thickness(self, layers: int) -> Plane:
+        """Return memory for `thickness` of so many layers, which is about to be written."""
+        if self._thickness is None or self._thickness.count != layers:
+            self._thickness = self.runtime.plane(layers, self.whole)
+        self.thickness = self._thickness
+        return self._thickness
+
     def upload(self, gbuffer: GBuffer) -> None:
         """Replace the contents by a G-buffer of the same size, margin and number of layers.
 
@@ -229,11 +237,10 @@ class DeviceGBuffer:
         if motion is not None:
             padded = motion if self.moves == 3 else np.pad(motion, ((0, 0), (0, 0), (0, 1)))
             self.motion.upload(np.moveaxis(padded, -1, 0))
-        thickness = gbuffer.first("thickness")
-        if thickness is not None:
-            self._thickness = self._thickness or self.runtime.plane(1, self.whole)
-            self._thickness.upload(thickness[None])
-        self.thickness = None if thickness is None else self._thickness
+        self.thickness = None
+        if gbuffer.thickness is not None:
+            thickness = np.asarray(gbuffer.thickness).reshape(-1, *self.whole)
+            self.take_thickness(len(thickness)).upload(thickness)
         self.set_camera(gbuffer.camera, gbuffer.band)
         self._plain_albedo = gbuffer.albedo is None
         with self.runtime.frame():

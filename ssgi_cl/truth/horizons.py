@@ -92,6 +92,8 @@ def check_technique(params: object) -> None:
         raise TypeError(f"params is {type(params).__name__}: expected those of hbao, gtao or bitmask_ao")
     if getattr(params, "joined", False):
         raise ValueError("joined is True: expected False, surfaces that each have a thickness")
+    if getattr(params, "horizon_decay", 0.0) > 0.0:
+        raise ValueError("horizon_decay is above 0: expected 0, as it counts by tap and has no limit with more of them")
 
 
 def hidden_and_whole(params: SliceParams, plane: Plane, crossed: Crossed) -> tuple[Doubles, Doubles]:

@@ -51,7 +51,13 @@ def test_tables_have_the_names_of_the_types_in_their_order() -> None:
     assert listed(names.BounceMethod) == {method for name in BOUNCES for method in bounce_methods(name)}
 
 
-LIGHT_ITSELF = {("shade", "indirect"), ("shade", "ao"), ("relight", "ao"), ("multi_bounce", "ao")}
+LIGHT_ITSELF = {
+    ("shade", "indirect"),
+    ("shade", "ao"),
+    ("relight", "ao"),
+    ("multi_bounce", "ao"),
+    ("ao_confidence", "ao"),
+}
 """Parameters that are arrays under one of the names."""
 
 

@@ -23,7 +23,7 @@ from ssgi_cl.tuning.context import Context
 from .test_values import CASES, bits
 
 every_technique = pytest.mark.parametrize("technique", CATALOGUE.values(), ids=lambda t: t.name)
-EXTRA = {"ao", "multi_bounce", "ray_ao", "normals_from_depth", "relight", "shade_depth"}
+EXTRA = {"ao", "ao_confidence", "multi_bounce", "ray_ao", "normals_from_depth", "relight", "shade_depth"}
 """Public functions of techniques that run on the host, or are made of others: the catalogue has them not."""
 
 

@@ -143,8 +143,8 @@ CASES = {
     "gtao": Case(
         on_gbuffer(gi.gtao),
         gi.GtaoParams,
-        {"taps": 4, "falloff": 0.6, "thin_occluder": 0.2, "bent_normals": True, "blur_radius": 0},
-        {"falloff": 0.9, "thin_occluder": 1.0, **SLICES},
+        {"taps": 4, "falloff": 0.6, "thin_occluder": 0.2, "horizon_decay": 0.1, "bent_normals": True, "blur_radius": 0},
+        {"falloff": 0.9, "thin_occluder": 1.0, "horizon_decay": 0.2, **SLICES},
     ),
     "bitmask_ao": Case(
         on_gbuffer(gi.bitmask_ao), gi.BitmaskParams, {"blur_radius": 0}, {"thickness": 0.9, "slack": 2.0, **SLICES}

@@ -24,6 +24,9 @@ MOST_TAPS = 64
 
 def bitmask_reference(gbuffer: GBuffer, params: BitmaskParams) -> NDArray[np.float64]:
     """Return A [rows, columns] from the same taps as the kernel, blurred and upsampled alike."""
+    if gbuffer.thickness is not None and np.ndim(gbuffer.thickness) == 3 and len(np.asarray(gbuffer.thickness)) > 1:
+        # What is known needs no slack to be joined.
+        params = replace(params, slack=params.slack / 2.0)
     first = replace(params, taps=taps_of(params, gbuffer.layers)[0])
     return finished(gbuffer, first, lambda scan: visibility(scan, params), params.thickness, params.end)
 
@@ -70,9 +73,15 @@ def hidden_by(
 ) -> Iterator[tuple[NDArray[np.bool_], Doubles, Doubles]]:
     """Yield the arcs that one layer hides on a side, from near to far: mask and two cotangents."""
     taps = scan.distinct_taps(plane, side, layer, taps_of(params, len(scan.depths))[1])
+    for tap in taps:
+        begin, end = tap.solid
+        first, last = (scan.cotangent(plane, side, f, tap.x, tap.y) for f in tap.solid)
+        # Of joined taps the front's own angle counts, which is measured along the slice.
+        own = params.joined & (begin == tap.f)
+        yield begin < end, np.where(own, tap.cot, first), last
     if not params.joined:
         for tap in taps:
-            yield tap.counts, tap.back, tap.cot
+            yield tap.counts & ~tap.known, tap.back, tap.cot
         return
     zero = np.zeros(scan.depth.shape)
     receiver = Tap(
@@ -84,6 +93,8 @@ def hidden_by(
         depth=zero,
         f=zero,
         behind=zero,
+        known=zero > 1.0,
+        solid=(zero, zero),
         x=zero,
         y=zero,
         px=zero,
@@ -104,7 +115,7 @@ def hidden_by(
         cut, at = joined & (inside[0] ^ inside[1]), _cut(scan, plane, side, one, other)
         yield cut, np.where(inside[0], one.cot, at), np.where(inside[0], at, other.cot)
         back = scan.cotangent(plane, side, other.behind, other.x, other.y)
-        yield other.there & inside[1] & ~joined, back, other.cot
+        yield other.there & inside[1] & ~joined & ~other.known, back, other.cot
 
 
 def _slope(one: Tap, other: Tap) -> Doubles:

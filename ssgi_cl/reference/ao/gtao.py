@@ -84,16 +84,19 @@ def horizons(scan: Scan, params: GtaoParams, plane: Slice, side: int) -> tuple[D
     That is measured from the tangent plane, and no lower than either.
     """
     edge = np.arctan2(1.0, side * plane.edge)
-    cosine = np.cos(edge)
+    cosine = low = np.cos(edge)
     for taps in scan.taps_of_all_layers(plane, side):
+        found = low
         for tap in taps:
             top = tap.cot / np.hypot(1.0, tap.cot)
             if params.falloff > 0.0:
                 thin = (1.0 + params.thin_occluder) ** 2 - 1.0
                 distance = np.sqrt(tap.distance**2 + thin * tap.depth**2)
                 fade = np.clip((1.0 - distance) / params.falloff, 0.0, 1.0)
-                top = np.cos(edge) + fade * (top - np.cos(edge))
-            cosine = np.where(tap.counts, np.maximum(cosine, top), cosine)
+                top = low + fade * (top - low)
+            found = np.where(tap.counts, np.maximum(found, top), found)
+        # A lower tap draws the horizon down.
+        cosine = np.where(found >= cosine, found, cosine + params.horizon_decay * (found - cosine))
     end = np.arctan2(1.0, side * plane.lean)
     return end, np.minimum(np.arccos(cosine), end)
 

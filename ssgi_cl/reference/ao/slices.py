@@ -51,6 +51,9 @@ class Tap:
         depth: behind the receiver, in radii.
         f: 1 - depth of the receiver / depth of the tap; orthographic: depth behind the receiver.
         behind: `f` of where the surface ends.
+        known: whether that is given, and not guessed.
+        solid: `f` of where the view ray of a tap enters and leaves what of a given thickness lies within the radius;
+            the former is greater where it does not.
         x, y: offset from the receiver in slope.
         px: offset along the slice.
     """
@@ -63,6 +66,8 @@ class Tap:
     depth: Doubles
     f: Doubles
     behind: Doubles
+    known: NDArray[np.bool_]
+    solid: tuple[Doubles, Doubles]
     x: Doubles
     y: Doubles
     px: Doubles
@@ -110,7 +115,8 @@ class Scan:
         depths: [layers, rows, columns] of all layers, margin included, of the view's size.
         params: see `SliceParams`.
         thickness: of surfaces, radii.
-        thick: [rows, columns] of the front layer's, scene units, margin included, or None.
+        thick: [layers, rows, columns] of so many layers, from the front, scene units, margin included; -1 where it is
+            not known; or None.
         end: "thickness", or "layer": no surface goes on behind the next layer.
         within: whether the taps of a side end where it leaves the arrays, for the pixel of the
             group that is the farthest from there.
@@ -366,7 +372,8 @@ class Scan:
         outside = self.outside(f, x, y)
         height = f * self.n_dot_v + along - self.bias * scale
         # A tap without back lies on its front.
-        behind = self._behind(f, layer, inside, at)
+        thickness = self._thickness(layer, inside, at)
+        behind = self._behind(f, thickness, layer, inside, at)
         back = np.maximum(behind * self.n_dot_v + along, 0.0) * steep
         unit = (self.radius * scale) ** 2
         return Tap(
@@ -378,18 +385,47 @@ class Scan:
             depth=f / (self.radius * scale),
             f=f,
             behind=behind,
+            known=there & (thickness >= 0.0),
+            solid=self._solid(f, np.where(there & (height > 0.0), thickness, 0.0), x, y),
             x=x,
             y=y,
             px=side * (dx * plane.cosine + dy * plane.sine),
         )
 
-    def _behind(self, f: Doubles, layer: int, inside: NDArray[np.bool_], at: tuple[Doubles, Doubles]) -> Doubles:
-        """Return `Tap.behind` of taps at array elements that may lie inside the image."""
-        thick = self.thick
-        if self.given is not None and layer == 0:
-            thick = np.where(inside, self.given[at], 0.0) / self.k
+    def _thickness(self, layer: int, inside: NDArray[np.bool_], at: tuple[Doubles, Doubles]) -> Doubles:
+        """Return the given thickness of taps at array elements that may lie inside the image, over k; else -1."""
+        if self.given is None or layer >= len(self.given):
+            return np.full(inside.shape, -1.0)
+        given = np.where(inside, self.given[layer][at], 0.0)
+        return np.where(given < 0.0, -1.0, given / self.k)
+
+    def _reached(self, f: Doubles, thick: Doubles) -> Doubles:
+        """Return `f` of what lies so far behind a tap on its view ray."""
         # 1 - scale with scale = depth / (seen + thickness).
-        behind = 1.0 - 1.0 / (1.0 / (1.0 - f) + thick) if self.perspective else f + thick
+        result: Doubles = 1.0 - 1.0 / (1.0 / (1.0 - f) + thick) if self.perspective else f + thick
+        return result
+
+    def _solid(self, f: Doubles, thickness: Doubles, x: Doubles, y: Doubles) -> tuple[Doubles, Doubles]:
+        """Return `Tap.solid`."""
+        # On a view ray `outside` is second f^2 + 2 half f + fixed.
+        fixed = self.outside(np.zeros_like(f), x, y)
+        one, other = self.outside(np.ones_like(f), x, y), self.outside(-np.ones_like(f), x, y)
+        second, half = 0.5 * (one + other) - fixed, 0.25 * (one - other)
+        around = second < 1e-6  # the eye is within the radius
+        second = np.copysign(np.maximum(np.abs(second), 1e-6), second)
+        under = half**2 - second * fixed
+        root = np.sqrt(np.maximum(under, 0.0))
+        enters = np.where(around, -np.inf, (-half - root) / second)
+        first = np.maximum(f, enters)
+        last = np.minimum(self._reached(f, thickness), (root - half) / second)
+        met = (thickness > 0.0) & (under > 0.0)
+        return np.where(met, first, f), np.where(met, last, f)
+
+    def _behind(
+        self, f: Doubles, thickness: Doubles, layer: int, inside: NDArray[np.bool_], at: tuple[Doubles, Doubles]
+    ) -> Doubles:
+        """Return `Tap.behind` of taps at array elements that may lie inside the image."""
+        behind = self._reached(f, np.where(thickness < 0.0, self.thick, thickness))
         if self.end == "layer" and layer + 1 < len(self.depths):
             following = np.where(inside, self.depths[layer + 1][at], np.inf)
             there = np.isfinite(following)
@@ -439,7 +475,9 @@ def scanned(
     view = full.reduced(step) if step > 1 else full
     depths = np.asarray(gbuffer.depth, np.float64).reshape(gbuffer.layers, *full.depth.shape)
     rows, columns = (view.origin[i] - full.origin[i] + step * np.arange(view.depth.shape[i]) for i in (0, 1))
-    given = None if thickness is None else gbuffer.first("thickness")
-    thick = None if given is None else given.astype(np.float64)[rows[:, None], columns]
+    given = None if thickness is None else gbuffer.thickness
+    thick = None
+    if given is not None:
+        thick = np.asarray(given, np.float64).reshape(-1, *full.depth.shape)[:, rows[:, None], columns]
     layers = depths[:, rows[:, None], columns]
     return Scan(view, layers, params, thickness or 0.0, thick, end, within=within, facets=facets, uniform=uniform), full

@@ -109,7 +109,8 @@ def _shadow(
             seen = layer[row, column]
             thick: float | Doubles = params.thickness * params.radius
             if given is not None and number == 0:
-                thick = given[row, column].astype(np.float64)
+                own = given[row, column].astype(np.float64)
+                thick = np.where(own < 0.0, thick, own)
             back = np.minimum(seen + thick, deeper)
             within = (span > 0.0) & (at > seen) & (at < back)
             front = np.where(within, seen, depth)

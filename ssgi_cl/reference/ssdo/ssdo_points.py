@@ -344,7 +344,8 @@ def _traced(
                     found &= also & (np.abs(side - next_) <= AGREE * side)
             thick = params.thickness * at.radius
             if camera.thickness is not None and number == 0:
-                thick = camera.thickness[row, column].astype(np.float64)
+                given = camera.thickness[row, column].astype(np.float64)
+                thick = np.where(given < 0.0, thick, given)
             behind = looks & there & (gap > 0.0) & (gap < thick) & (t * ray.cosine > at.floor)
             where = np.where(found, second, np.where(behind, t, np.inf))
             height = np.where(found, next_height, height)

@@ -25,6 +25,8 @@ SECTORS = ("cosine", "angle")
 ENDS = ("thickness", "layer")
 MOST_TAPS = 64
 """Of a side of a slice."""
+KNOWN_SLACK = 0.5
+"""Of `slack`, where several layers have a thickness by pixel: the tap behind a solid is rarely of its surface."""
 JOINED_SIGMA = 0.4
 """Standard deviation of the blur of joined taps over its radius and a half pixel on either side."""
 
@@ -76,6 +78,12 @@ class BitmaskParams(SliceParams):
             return self
         return replace(self, taps=min(round(self.taps * (10 + layers) / 7), MOST_TAPS))
 
+    def beside_known(self, layers: int) -> Self:
+        """Return the parameters with which layers are read of which so many have a thickness by pixel."""
+        if layers < 2:
+            return self
+        return replace(self, slack=self.slack * KNOWN_SLACK)
+
     def deeper(self, layers: int) -> int:
         """Return the most taps of a side in each of so many layers but the first."""
         front = self.in_front_of(layers).taps
@@ -122,8 +130,9 @@ class BitmaskAo(SliceTechnique[BitmaskParams]):
             "SLICES_NEXT": int(params.end == "layer" and self.layers > 1),
         }
 
-    def _values(self) -> Mapping[str, float]:
-        return {"thickness": self.params.thickness, "slack": self.params.slack}
+    def _values(self, *, thick: int) -> Mapping[str, float]:
+        params = self.params.beside_known(min(thick, self.layers))
+        return {"thickness": params.thickness, "slack": params.slack}
 
 
 @banded(occlusion_plan(BitmaskAo, slice_reach))

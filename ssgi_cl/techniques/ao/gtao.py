@@ -66,6 +66,14 @@ class GtaoParams(SliceParams):
     thin_occluder: float = param(
         0.0, "with a falloff: how much more depth counts in the distance, for thin things", low=0.0, high=10.0
     )
+    horizon_decay: float = param(
+        0.0,
+        "part of the way by which a horizon sinks towards each farther tap that is lower, so that what is narrow in "
+        "the image hides less; 0 for the highest tap",
+        low=0.0,
+        high=1.0,
+        shape=bool,
+    )
     bent_normals: bool = param(False, "also find the mean unoccluded direction of each pixel")
 
     @property
@@ -85,6 +93,7 @@ class GtaoKeywords(SliceKeywords, total=False):
 
     falloff: float
     thin_occluder: float
+    horizon_decay: float
 
 
 class Gtao(SliceTechnique[GtaoParams]):
@@ -130,13 +139,18 @@ class Gtao(SliceTechnique[GtaoParams]):
 
     def _macros(self) -> Mapping[str, int]:
         params = self.params
-        return {"GTAO_FALLOFF": int(params.falloff > 0.0), "GTAO_BENT": int(params.bent_normals)}
+        return {
+            "GTAO_FALLOFF": int(params.falloff > 0.0),
+            "GTAO_DECAY": int(params.horizon_decay > 0.0),
+            "GTAO_BENT": int(params.bent_normals),
+        }
 
-    def _values(self) -> Mapping[str, float]:
+    def _values(self, *, thick: int) -> Mapping[str, float]:
         params = self.params
         return {
             "falloff_scale": 1.0 / params.falloff if params.falloff > 0.0 else 0.0,
             "thin": (1.0 + params.thin_occluder) ** 2 - 1.0,
+            "decay": params.horizon_decay,
         }
 
 
@@ -192,7 +206,8 @@ def gtao(
     Jimenez et al. 2016, "Practical Realtime Strategies for Accurate Indirect Occlusion". Departs: a
     horizon is measured from the tangent plane, slices weigh by the azimuth that they stand for, and
     the sum is divided by that of open slices, so that a plane is unoccluded; `falloff` is that of
-    XeGTAO (Intel 2021); all depth layers are read.
+    XeGTAO (Intel 2021); `horizon_decay` is the published thickness heuristic, off by default; all
+    depth layers are read.
 
     Args:
         gbuffer: depth, and normals if there are any; taps reach into its margin, and into all its

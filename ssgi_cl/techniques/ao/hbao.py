@@ -68,7 +68,7 @@ class Hbao(SliceTechnique[HbaoParams]):
     def _macros(self) -> Mapping[str, int]:
         return {"HBAO_ATTENUATION": int(self.params.attenuation > 0.0), "HBAO_BIAS": int(self.params.angle_bias > 0.0)}
 
-    def _values(self) -> Mapping[str, float]:
+    def _values(self, *, thick: int) -> Mapping[str, float]:
         params = self.params
         return {
             "attenuation": params.attenuation,

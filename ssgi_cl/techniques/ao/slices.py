@@ -30,7 +30,7 @@ SLICES = Struct(
     "SliceParams",
     (
         *floats("radius", "ortho_unit", "unit_px", "most_px", "bias", "depth_bias", "contrast"),
-        *floats("thickness", "slack", "falloff_scale", "thin"),
+        *floats("thickness", "slack", "falloff_scale", "thin", "decay"),
         *floats("attenuation", "bias_cos", "bias_sin"),
         *ints("margin_left", "margin_right", "margin_top", "margin_bottom", "stride", "lead", "exact"),
     ),
@@ -212,22 +212,22 @@ class SliceScan(Prepared[SliceParams]):
             for strip in range(first[1], first[1] + count)
         ]
 
-    def macros(self, *, thick: bool, reads_thickness: bool) -> dict[str, int]:
-        """Return the macros of a kernel that scans all layers, without or with thickness by pixel."""
+    def macros(self, *, thick: int, reads_thickness: bool) -> dict[str, int]:
+        """Return the macros of a kernel that scans all layers, so many of which have thickness by pixel."""
         return {
             "SLICES_COUNT": self.params.slices,
             "SLICES_TAPS": self.params.taps,
             "SLICES_LAYERS": self.layers,
-            **({"SLICES_THICKNESS": int(thick)} if reads_thickness else {}),
+            **({"SLICES_THICKNESS": thick} if reads_thickness else {}),
         }
 
     def inv_depth(self, gbuffer: DeviceGBuffer, thickness: Plane | None) -> Plane:
         """Queue the pass that brings all layers into the measure and size of the scan."""
         count = self.layers
         perspective = bool(gbuffer.camera_struct["perspective"])
-        thick = thickness is not None
+        thick = 0 if thickness is None else thickness.count
         kernel = self.runtime.kernel(
-            "slices/slices_inv_depth.cl", {"INV_DEPTH_LAYERS": count, "INV_DEPTH_THICKNESS": int(thick)}, (CAMERA,)
+            "slices/slices_inv_depth.cl", {"INV_DEPTH_LAYERS": count, "INV_DEPTH_THICKNESS": thick}, (CAMERA,)
         )
         # What lies outside differs between perspective and orthographic cameras.
         target = Target(self.runtime, count + thick, self.sorted_size, 0.0 if perspective else math.inf, kept=False)
@@ -349,13 +349,13 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
         self._scan = scan = SliceScan(self.runtime, self.size, in_front, self.margin, self.layers)
         result = plane_bytes(self.params.channels, scan.size)
         self.runtime.transient.reserve(result + max(result, plane_bytes(self.layers, scan.sorted_size)))
-        self._kernel(thick=False)
+        self._kernel(thick=0)
 
     def _set(self, params: P) -> None:
         self._scan.params = params.in_front_of(self.layers)
 
-    def _kernel(self, *, thick: bool) -> Kernel:
-        """Return the kernel that scans all layers, without or with thickness by pixel."""
+    def _kernel(self, *, thick: int) -> Kernel:
+        """Return the kernel that scans all layers, so many of which have thickness by pixel."""
         macros = self._scan.macros(thick=thick, reads_thickness=self.reads_thickness)
         return self.runtime.kernel(f"{self.name}/{self.name}.cl", {**macros, **self._macros()}, (CAMERA, SLICES))
 
@@ -365,8 +365,9 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
     def _occlude(self, out: Plane, gbuffer: DeviceGBuffer, source: Source, region: Region | None) -> None:
         thickness = gbuffer.thickness if self.reads_thickness else None
         inv_depth = self._scan.inv_depth(gbuffer, thickness)
-        packed = self._scan.packed(source, self._values(), exact=gbuffer.is_exact)
-        kernel = self._kernel(thick=thickness is not None)
+        thick = 0 if thickness is None else thickness.count
+        packed = self._scan.packed(source, self._values(thick=thick), exact=gbuffer.is_exact)
+        kernel = self._kernel(thick=thick)
         for strip in self._scan.strips(region):
             kernel.run(
                 out.size,
@@ -385,8 +386,8 @@ class SliceTechnique(OcclusionTechnique, Generic[P]):
         """Return the technique's own switches."""
         return {}
 
-    def _values(self) -> Mapping[str, float]:
-        """Return the technique's own members of the struct."""
+    def _values(self, *, thick: int) -> Mapping[str, float]:
+        """Return the technique's own members of the struct, where so many layers have thickness by pixel."""
         return {}
 
 

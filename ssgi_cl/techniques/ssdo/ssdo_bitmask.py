@@ -141,7 +141,7 @@ class SsdoBitmask(Prepared[SsdoBitmaskParams]):
         bent = self.params.bent_normals
         count = 1 + 3 * (lookup is not None) + 3 * (sent is not None) + 3 * bent
         macros = {
-            **scan.macros(thick=gbuffer.thickness is not None, reads_thickness=True),
+            **scan.macros(thick=0 if gbuffer.thickness is None else gbuffer.thickness.count, reads_thickness=True),
             "SLICES_NEXT": ENDS.index(self.params.end),
             "BITMASK_THICK": int(gbuffer.thickness is not None or self.params.thickness > 0.0),
             "BITMASK_BOUNCE": int(radiance is not None),

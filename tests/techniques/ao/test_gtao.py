@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.device.constants import SLICES_SIMILAR
 from ssgi_cl.device.runtime import Runtime
@@ -55,6 +56,22 @@ def test_falloff_opens_what_is_far(runtime: Runtime, choice: dict[str, Any]) -> 
     soft = gtao(gbuffer, 0.6, blur_radius=0, runtime=runtime, **choice)
     assert np.all(soft >= sharp - 1e-6)  # roundings of two ways to the same cosine
     assert float(np.mean(soft - sharp)) > 5e-3
+
+
+def test_horizon_sinks_behind_what_is_narrow(runtime: Runtime) -> None:
+    # A rod of 3 px before a plane, and a wall at the same height that fills a half of the image.
+    made = Camera.look_at((0, 0, 5), (0, 0, 0), yfov=0.8, width=96, height=48)
+    depth = np.full(made.size, 5.0, np.float32)
+    depth[:, 24:27] = depth[:, 64:] = 4.7
+    gbuffer = GBuffer(camera=made, depth=depth, normal=np.broadcast_to(np.float32([0, 0, 1]), (48, 96, 3)))
+    plain, weak, strong = (
+        gtao(gbuffer, 1.0, 8, 24, blur_radius=0, horizon_decay=decay, runtime=runtime) for decay in (0.0, 0.02, 0.05)
+    )
+    assert np.all(weak >= plain - 1e-6)  # roundings of two ways to the same cosine
+    beside_rod, beside_wall = np.s_[20:28, 16:22], np.s_[20:28, 56:62]
+    gain = [float(np.mean((strong - plain)[part] / (1.0 - plain[part]))) for part in (beside_rod, beside_wall)]
+    assert gain[0] > 1.5 * gain[1] > 0.0  # 1.84: near it the wall's own far taps are lower too
+    assert float(np.mean((strong - weak)[beside_rod])) > 0.01
 
 
 def test_pixels_at_the_very_end_of_similar_depths_are_scanned_too(runtime: Runtime) -> None:

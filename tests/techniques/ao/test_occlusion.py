@@ -54,6 +54,8 @@ VARIANTS: list[tuple[str, dict[str, Any]]] = [
     ("hbao", {"attenuation": 0.0, "angle_bias": 0.4, **FEW}),
     ("hbao", LIMITED),
     ("gtao", {"falloff": 0.615, "radius": 0.73, "contrast": 2.2, "thin_occluder": 0.7}),
+    ("gtao", {"horizon_decay": 0.3, "falloff": 0.4}),
+    ("gtao", {"horizon_decay": 0.6}),
     ("gtao", {"resolution": "half", **LIMITED}),  # limits in px are those of the full size
     ("bitmask", {"sectors": "angle", "thickness": 0.1, **FEW}),
     ("bitmask", {"thickness": 0.0}),

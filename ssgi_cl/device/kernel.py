@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from ssgi_cl.core.errors import DeviceError, KernelBuildError
+from ssgi_cl.core.errors import KernelBuildError
 from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arguments import Arguments
 from ssgi_cl.device.arrays import Size
-from ssgi_cl.device.constants import SSGI_GROUP
 from ssgi_cl.device.opencl import opencl
 from ssgi_cl.device.signature import Signature
 from ssgi_cl.device.structs import Struct
@@ -21,16 +20,6 @@ if TYPE_CHECKING:
 CPU_WIDTH = 32
 """Work-items of a work-group on CPUs. PoCL compiles a kernel for each width; frames of 320 x 240 to
 1600 x 1200 take the same time within 3 % with 16, 32 and 64."""
-
-
-def check_groups(label: str, device: Any) -> None:
-    """Raise DeviceError if a device takes no work-groups of `SSGI_GROUP` work-items."""
-    most = device.max_work_group_size
-    if most < SSGI_GROUP:
-        raise DeviceError(
-            f"{label} takes work-groups of at most {most} work-items: expected {SSGI_GROUP} or "
-            "more (a variable such as POCL_MAX_WORK_GROUP_SIZE may limit it)"
-        )
 
 
 class Kernel:

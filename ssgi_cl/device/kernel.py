@@ -113,7 +113,7 @@ class Kernel:
             event = opencl().enqueue_nd_range_kernel(
                 runtime.queue, self._kernel, work, (group[1], group[0]), None if first is None else (first[1], first[0])
             )
-        runtime.record(self.name, event)
+        runtime.record(self.name, event, work[0] * work[1])
 
     def _group(self, rows: int, columns: int) -> Size:
         if self.runtime.info.kind == "cpu" or self.runtime.info.kind == "":

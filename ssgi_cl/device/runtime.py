@@ -352,9 +352,9 @@ class Runtime:
 
     # ---- time
 
-    def record(self, name: str, event: Any) -> None:
-        """Add a pass to the current frame."""
-        self._log.events.append((name, event))
+    def record(self, name: str, event: Any, items: int = 0) -> None:
+        """Add a pass to the current frame, a kernel's with the number of its work-items."""
+        self._log.events.append((name, event, items))
 
     @property
     def noted(self) -> int:

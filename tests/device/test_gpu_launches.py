@@ -80,5 +80,5 @@ def test_no_piece_of_memory_is_larger_than_the_device_has(runtime: Runtime) -> N
         gi.gtao(gi.GBuffer(camera=small, depth=depth), radius=0.1, runtime=own),
         gi.gtao(gi.GBuffer(camera=small, depth=depth), radius=0.1, runtime=runtime),
     )
-    with pytest.raises(DeviceMemoryError, match="MiB in one piece, which has at most 0.1 MiB"):
+    with pytest.raises(DeviceMemoryError, match=r"MiB in one piece, which has at most 0\.1 MiB"):
         gi.gtao(gi.GBuffer(camera=large, depth=np.ones((300, 400), np.float32)), radius=0.1, runtime=own)

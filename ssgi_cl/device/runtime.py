@@ -49,6 +49,7 @@ class Runtime:
     Attributes:
         info: the device.
         variant: the kernel variant that it gets: lanes and storage.
+        context: of PyOpenCL, which its memory belongs to.
         memory: the device's memory: how much is in use, the most that was, and limits.
         transient: the memory that passes share.
         programs: what it has compiled.
@@ -136,7 +137,7 @@ class Runtime:
         prepared goes with it.
 
         Args:
-            context: of one driver; PyOpenCL has loaded all of them by then, see `docs/devices.md`.
+            context: of one driver; PyOpenCL has loaded all of them by then, so that two with an LLVM of their own may clash.
             lanes, storage: the form of the kernels; by default 1 lane on GPUs and 8 on processors, which is not timed.
 
         Raises:

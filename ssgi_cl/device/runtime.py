@@ -137,7 +137,8 @@ class Runtime:
         prepared goes with it.
 
         Args:
-            context: of one driver; PyOpenCL has loaded all of them by then, so that two with an LLVM of their own may clash.
+            context: of one driver; PyOpenCL has loaded all of them by then, so that two with an LLVM of their own may
+                clash.
             lanes, storage: the form of the kernels; by default 1 lane on GPUs and 8 on processors, which is not timed.
 
         Raises:

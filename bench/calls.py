@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.lights import DirectionalLight, Environment, PointLight, SpotLight
 from ssgi_cl.core.reflective_shadow_map import ReflectiveShadowMap
 from ssgi_cl.device.arrays import Size
-from ssgi_cl.device.gbuffer import on_device
+from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.render import render
 from ssgi_cl.rasterize import Scene
@@ -125,6 +126,20 @@ def view_normals(given: Inputs, runtime: Runtime) -> Iterator[Array]:
     """Yield normals, given ones and those from depth alone."""
     for gbuffer in (given.gbuffer, given.single):
         yield on_device(gbuffer, runtime).normal.download()
+
+
+def exchanged(given: Inputs, runtime: Runtime) -> Iterator[Array]:
+    """Yield depth and normal of a G-buffer that comes from device memory of the caller's, and goes to such."""
+    arrays = import_module("pyopencl.array")
+    depth, normal = (np.ascontiguousarray(each, np.float32) for each in (given.view.depth, given.view.normal))
+    device = DeviceGBuffer(runtime, given.view.size)
+    depth, normal = (
+        arrays.to_device(runtime.queue, each.reshape(*device.size, *each.shape[2:])) for each in (depth, normal)
+    )
+    device.take(given.view.camera, depth, normal=normal)
+    for plane, array in ((device.linear, depth), (device.normal, normal)):
+        runtime.copy_to(plane, array).wait()
+        yield np.nan_to_num(array.get(), posinf=0.0)
 
 
 def drawn_maps(given: Inputs, runtime: Runtime) -> Iterator[Array]:
@@ -302,6 +317,7 @@ def accumulated(given: Inputs, runtime: Runtime) -> Iterator[Array]:
 CALLS: Mapping[str, Call] = {
     "drawing": drawing,
     "view normals": view_normals,
+    "device memory": exchanged,
     "shadow maps": drawn_maps,
     "light maps": light_maps,
     "blended layers": seen_through,

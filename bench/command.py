@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 import click
 from rich.console import Console
 
+from ssgi_cl.core.atomic import replacement
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import REPORTED
@@ -18,7 +19,7 @@ from ssgi_cl.truth import store
 from ssgi_cl.tuning.context import TruthSettings
 from ssgi_cl.tuning.measured_scenes import views_of
 
-from . import compare, document, farm, suite, summary, table
+from . import compare, document, farm, first_run, suite, summary, table
 from .cases import FAMILIES, OWN
 from .options import (
     PixelSize,
@@ -109,6 +110,12 @@ def _takes_cases(command: F) -> F:
     metavar="BEFORE.json AFTER.json",
     help="Tell what got slower or worse beyond noise; exit status 1 if anything did.",
 )
+@click.option(
+    "--report",
+    is_flag=True,
+    help="Report a first run on a device instead: agreement with stored results, and each kernel's time beside its "
+    "prediction; of the first --size. Exit status 1 if a technique differs.",
+)
 @json_option
 def bench_command(
     patterns: tuple[str, ...],
@@ -126,6 +133,7 @@ def bench_command(
     markdown: Path | None,
     only_list: bool,
     compared: tuple[Path, Path] | None,
+    report: bool,
     as_json: bool,
     **truths: Any,
 ) -> None:
@@ -144,6 +152,11 @@ def bench_command(
         return
     for path, suffix in ((output, ".json"), (markdown, ".md")):
         check_output(path, suffix)
+    if report:
+        with human_errors():
+            runtime = Runtime.open(device, lanes=lanes, storage=storage)
+        _report(runtime, sizes[0], output, markdown, as_json)
+        return
     families = OWN if own else FAMILIES
     with human_errors():
         if markdown is not None:
@@ -203,6 +216,22 @@ def bench_command(
     for path in (output, markdown):
         if path is not None:
             click.echo(f"wrote {path}", err=True)
+
+
+def _report(runtime: Runtime, size: Size, output: Path | None, markdown: Path | None, as_json: bool) -> None:
+    """Make the report of a first run, print it and write it."""
+    with human_errors():
+        with progress_bar() as step:
+            found = first_run.first_run(runtime, size, step)
+        page = first_run.page(found)
+        if output is not None:
+            document.write(output, found)
+        if markdown is not None:
+            with replacement(markdown) as file:
+                file.write_text(page, encoding="utf-8")
+    click.echo(document.text(found) if as_json else page, nl=False)
+    if first_run.failing(found):
+        sys.exit(1)
 
 
 @click.command("truth")

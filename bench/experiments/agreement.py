@@ -2,46 +2,25 @@
 
 from __future__ import annotations
 
-import os
-import pickle
-import resource
-import signal
-import subprocess
-import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from time import process_time
 
 import click
-import numpy as np
 
-from ssgi_cl.bench.every import TECHNIQUES, Array, inputs, results
+from ssgi_cl.bench.every import TECHNIQUES, Array
+from ssgi_cl.bench.self_test import NOT_IN_TIME, TEXELS, TOLERANCE, Results, computed, difference
 from ssgi_cl.core.atomic import replacement
-from ssgi_cl.core.errors import SsgiError
 from ssgi_cl.device import drivers
 from ssgi_cl.device.drivers import DeviceInfo, KernelVariant
-from ssgi_cl.device.runtime import Runtime
 
 SIZE = (24, 40)
 """(rows, columns) of the images: some tiles and vectors, not all whole."""
-TEXELS = 16
-"""Along a side of the lights' maps."""
-
-TOLERANCE = 1e-3
-"""Of the mean difference, over the mean of absolute values. Roundings move results by some 2^-24;
-where they decide (which texel a tap falls on, whether a sector is covered, which light is chosen,
-which point is computed) a pixel differs, and what is decided otherwise is as good."""
-NOT_IN_TIME = "not in time"
-"""Takes the place of a result; says nothing of agreement."""
 QUICK = {"GALLIVM_PERF": "nopt"}
 """Variables that spare drivers minutes of compiling; Mesa's, the others don't know it."""
 SINGLE = {"POCL_MAX_PTHREAD_COUNT": "1", "POCL_CPU_MAX_CU_COUNT": "1", "LP_NUM_THREADS": "1"}
 """Variables that give drivers for CPUs one thread."""
-
-Results = Mapping[str, list[Array] | str]
-"""Name of a technique -> what it made, or why it made nothing."""
 
 
 @dataclass(frozen=True)
@@ -61,89 +40,9 @@ class Run:
     single: bool = False
 
     def results(self, folder: Path, limit: float) -> Results:
-        """Start processes and return what they made within `limit` seconds for each technique.
-
-        What a process ends at is left out by the next. The first in `folder` leaves the inputs
-        there for those that follow.
-        """
-        command = [
-            sys.executable,
-            "-m",
-            "ssgi_cl.bench.experiments.agreement",
-            "--limit",
-            str(limit),
-            "--worker",
-            str(folder),
-            str(self.variant.lanes),
-            self.variant.storage,
-        ]
-        environment = {**os.environ, **QUICK, "SSGI_CL_DEVICE": self.device}
-        environment |= SINGLE if self.single else {}
-        while _left(folder):
-            code = subprocess.run(command, env=environment, check=False).returncode
-            left = _left(folder)
-            if left:
-                late = code == -signal.SIGXCPU
-                why = NOT_IN_TIME if late else f"the process died ({code})"
-                _path(folder, left[0]).write_bytes(pickle.dumps(why))
-        found = {}
-        for name in TECHNIQUES:
-            path = _path(folder, name)
-            found[name] = pickle.loads(path.read_bytes())
-            path.unlink()
-        return found
-
-
-def _path(folder: Path, name: str) -> Path:
-    """Return where the results of a technique are."""
-    return folder / f"{list(TECHNIQUES).index(name)}.pickle"
-
-
-def _left(folder: Path) -> list[str]:
-    """Return the techniques without results."""
-    return [name for name in TECHNIQUES if not _path(folder, name).exists()]
-
-
-def work(folder: Path, lanes: int, storage: str, limit: float) -> None:
-    """Compute what is left on the device that SSGI_CL_DEVICE names; a file for each technique.
-
-    SIGXCPU ends the process where a technique takes more than `limit` seconds of processor time,
-    of which others that are at work take none.
-    """
-    runtime = Runtime.open(lanes=lanes, storage=storage)
-    path = folder / "inputs.pickle"
-    if not path.exists():
-        path.write_bytes(pickle.dumps(inputs(runtime, SIZE, TEXELS)))
-    given = pickle.loads(path.read_bytes())
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    for name in _left(folder):
-        began = process_time()
-        resource.setrlimit(resource.RLIMIT_CPU, (int(began + limit) + 1, resource.RLIM_INFINITY))
-        made: list[Array] | str
-        try:
-            made = list(results(given, runtime, [name]).values())
-        except SsgiError as error:
-            made = type(error).__name__
-            click.echo(f"{name}: {error}", err=True)
-        click.echo(f"  {name}: {process_time() - began:.0f} s", err=True)
-        with replacement(_path(folder, name)) as target:
-            target.write_bytes(pickle.dumps(made))
-
-
-def difference(one: Sequence[Array], other: Sequence[Array]) -> tuple[float, float] | None:
-    """Return the largest and the mean difference over the mean of absolute values, or None.
-
-    None says that all bits are the same. Of several results it is the greatest that counts.
-    """
-    if all(np.array_equal(a, b) for a, b in zip(one, other, strict=True)):
-        return None
-    found = []
-    for a, b in zip(one, other, strict=True):
-        off = np.abs(a.astype(np.float64) - b)
-        scale = max(float(np.abs(a).mean(dtype=np.float64)), 1e-30)
-        found.append((float(off.max()) / scale, float(off.mean()) / scale))
-    largest, mean = np.max(found, axis=0).tolist()
-    return largest, mean
+        """Return what processes made within `limit` seconds of each technique, see `self_test.computed`."""
+        variables = QUICK | (SINGLE if self.single else {})
+        return computed(folder, self.device, self.variant, SIZE, limit=limit, variables=variables)
 
 
 def fits(one: list[Array] | str, other: list[Array] | str, *, same: bool) -> tuple[str, bool]:
@@ -234,15 +133,11 @@ def report(columns: Sequence[tuple[Run, Results]]) -> tuple[str, bool]:
 @click.option(
     "--limit", default=120.0, show_default=True, help="Of each technique in each run, seconds of processor time."
 )
-@click.option("--worker", type=(click.Path(path_type=Path), int, str), default=None, hidden=True)
-def main(output: Path, devices: tuple[str, ...], limit: float, worker: tuple[Path, int, str] | None) -> None:
+def main(output: Path, devices: tuple[str, ...], limit: float) -> None:
     """Run every technique on every device, compare and write a table.
 
     Drivers that are not installed for all can be named by OCL_ICD_VENDORS, a folder of .icd files.
     """
-    if worker is not None:
-        work(*worker, limit)
-        return
     infos = [drivers.choose(words) for words in devices] or sorted(drivers.devices(), key=lambda info: -info.speed)
     columns: list[tuple[Run, Results]] = []
     with tempfile.TemporaryDirectory() as folder:

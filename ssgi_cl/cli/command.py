@@ -28,6 +28,9 @@ COMMANDS = {
     "apply": _Entry("ssgi_cl.cli.apply", "apply_command", "Apply TECHNIQUE to the G-buffer in IN.exr."),
     "bench": _Entry("ssgi_cl.bench.command", "bench_command", "Measure run time and error of CASES."),
     "devices": _Entry("ssgi_cl.cli.devices", "devices_command", "List OpenCL devices and the build of the kernels."),
+    "doctor": _Entry(
+        "ssgi_cl.cli.doctor", "doctor_command", "Say what of OpenCL works here, and how to mend the rest."
+    ),
     "graph": _Entry("ssgi_cl.cli.graph", "graph_command", "Render a frame of SCENE and draw its frame graph."),
     "info": _Entry("ssgi_cl.cli.scene_info", "info_command", "Say what is in SCENE, without rendering it."),
     "render": _Entry("ssgi_cl.cli.render", "render_command", "Render SCENE to a picture or to an EXR file."),

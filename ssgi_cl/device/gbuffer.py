@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from copy import copy
 from functools import cached_property
 from typing import Any, Literal
@@ -15,7 +16,9 @@ from ssgi_cl.core.gbuffer import Floats, GBuffer
 from ssgi_cl.core.gbuffer_band import Band
 from ssgi_cl.device.active_region import PreviousRegion, Region
 from ssgi_cl.device.arrays import Plane, Size
+from ssgi_cl.device.opencl import opencl
 from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.device.shared import Strided, channels_first, pack, strided
 from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, camera_values, floats, rotation_values
 
 WorldNormals = Literal["kept", "until released", "until derived"]
@@ -245,6 +248,84 @@ class DeviceGBuffer:
         self._plain_albedo = gbuffer.albedo is None
         with self.runtime.frame():
             self.derive(given=gbuffer.normal is not None)
+
+    def take(
+        self,
+        camera: Camera,
+        depth: Any,
+        *,
+        normal: Any = None,
+        albedo: Any = None,
+        emission: Any = None,
+        wait_for: Sequence[Any] | None = None,
+    ) -> Any:
+        """Replace the contents by arrays in device memory, which never go to the host.
+
+        Values are not checked: depths that are not above 0 and NaN count as nothing, NaN elsewhere as 0.
+
+        Args:
+            camera: of `size`.
+            depth: [rows, columns] with the margin, with more than one layer [layers, rows, columns], float32, scene
+                units; INFINITY where nothing is. Any kind of array that `ssgi_cl.device.shared` has.
+            normal: [rows, columns, 3], or of a G-buffer with attributes of all layers [layers, rows, columns, 3];
+                world space, unit length; None to take them from the depth.
+            albedo: likewise, 0 to 1; None for .8.
+            emission: likewise, radiance; None for none.
+            wait_for: events of other queues that the arrays are complete after.
+
+        Returns:
+            The event after which the arrays may be written again.
+
+        Raises:
+            TypeError, ValueError: an array is no device memory of OpenCL, or of another type or shape.
+            DeviceError: an array is of another context.
+        """
+        runtime, layers = self.runtime, self.layers
+        if (camera.height, camera.width) != self.size:
+            raise ValueError(f"camera has size {(camera.height, camera.width)}: expected {self.size}")
+        if not self.attributes:
+            raise ValueError("the device G-buffer has no image: expected attributes of 1 or all layers")
+        plain = self.whole if layers == 1 else (layers, *self.whole)
+        vectors = (*self.whole, 3) if self.attributes == 1 else (self.attributes, *self.whole, 3)
+        given = {"normal": normal, "albedo": albedo, "emission": emission}
+        arrays = {name: strided(runtime, name, value, vectors) for name, value in given.items() if value is not None}
+        source = strided(runtime, "depth", depth, plain)
+        if layers == 1:
+            source = Strided(source.memory, source.first, (1, *source.shape), (0, *source.steps))
+        if wait_for:
+            opencl().enqueue_barrier(runtime.queue, wait_for=list(wait_for))
+        self.region = None
+        self.has_facets = self._exact_upload = self.mirrors = False
+        self.moves = 0
+        self.thickness = self.sides = None
+        self.previous_regions = [PreviousRegion() for _ in range(layers)]
+        pack(self.depth, source, positive=True)
+        self._normal_world = None
+        if normal is not None:
+            self.take_world()
+            self._pack_vectors(self.normal_world, arrays["normal"])
+        if albedo is not None:
+            self._pack_vectors(self.albedo, arrays["albedo"])
+        elif self._albedo is not None and not self._plain_albedo:
+            self._albedo.upload(self._layered(None, PLAIN_ALBEDO))  # once, after albedo that was given
+        self._plain_albedo = albedo is None
+        self.emits = emission is not None
+        if self.emits:
+            self._pack_vectors(self.emission, arrays["emission"])
+        done = opencl().enqueue_marker(runtime.queue)
+        self.set_camera(camera)
+        with runtime.frame():
+            self.derive(given=normal is not None)
+        return done
+
+    def _pack_vectors(self, plane: Plane, array: Strided) -> None:
+        """Queue a copy of [rows, columns, 3] or [layers, rows, columns, 3] to the images of a plane."""
+        planar = channels_first(array)
+        if len(planar.shape) == 3:
+            planar = Strided(planar.memory, planar.first, (1, *planar.shape), (0, *planar.steps))
+        for layer in range(planar.shape[0]):
+            first = planar.first + layer * planar.steps[0]
+            pack(plane, Strided(planar.memory, first, planar.shape[1:], planar.steps[1:]), to=3 * layer)
 
     def _layered(self, array: ArrayLike | None, instead: float) -> Floats:
         """Return [3 attributes, rows, columns] of an array with or without layers."""

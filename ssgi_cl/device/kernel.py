@@ -9,7 +9,6 @@ from ssgi_cl.core.errors import DeviceError, KernelBuildError
 from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arguments import Arguments
 from ssgi_cl.device.arrays import Size
-from ssgi_cl.device.constants import SSGI_GROUP
 from ssgi_cl.device.opencl import opencl
 from ssgi_cl.device.signature import Signature
 from ssgi_cl.device.structs import Struct
@@ -23,16 +22,6 @@ CPU_WIDTH = 32
 1600 x 1200 take the same time within 3 % with 16, 32 and 64."""
 
 
-def check_groups(label: str, device: Any) -> None:
-    """Raise DeviceError if a device takes no work-groups of `SSGI_GROUP` work-items."""
-    most = device.max_work_group_size
-    if most < SSGI_GROUP:
-        raise DeviceError(
-            f"{label} takes work-groups of at most {most} work-items: expected {SSGI_GROUP} or "
-            "more (a variable such as POCL_MAX_WORK_GROUP_SIZE may limit it)"
-        )
-
-
 class Kernel:
     """A compiled kernel. `run` sets all arguments anew, so callers may share it.
 
@@ -41,6 +30,7 @@ class Kernel:
         name: as in its text.
         signature: what it takes.
         lanes: of a work-item.
+        largest_group: work-items of a work-group at most; fewer than the device's where a kernel takes many registers.
     """
 
     def __init__(
@@ -64,6 +54,8 @@ class Kernel:
                 f"{source} has no kernel {self.name} on {runtime.info.label}, {runtime.variant}: {error}"
             ) from error
         self.lanes = macros["SSGI_LANES"]
+        asked = cl.kernel_work_group_info.WORK_GROUP_SIZE
+        self.largest_group: int = self._kernel.get_work_group_info(asked, runtime.device)
         self.signature = Signature.of(self._kernel, text)
         self._arguments = Arguments(self.signature, structs)
         self._kernel.set_arg_types(self._arguments.types)
@@ -96,6 +88,7 @@ class Kernel:
 
         Raises:
             TypeError: an argument is missing, unknown or of another type than the kernel's.
+            DeviceError: the device has no room for work-groups of `local`.
         """
         first: Size | None = None
         rows, columns = grid or (size[0], -(-size[1] // self.lanes))
@@ -106,6 +99,11 @@ class Kernel:
         if self._arguments.takes_size:
             arguments["size"] = size
         values = self._arguments.converted(arguments)
+        if local is not None and local[0] * local[1] > self.largest_group:
+            raise DeviceError(
+                f"{self.runtime.info.label} runs {self.name} with work-groups of at most {self.largest_group} "
+                f"work-items: expected {local[0] * local[1]}"
+            )
         group = local or self._group(rows, columns if first is None else 1)
         work = (-(-columns // group[1]) * group[1], -(-rows // group[0]) * group[0])
         runtime = self.runtime
@@ -115,9 +113,12 @@ class Kernel:
             event = opencl().enqueue_nd_range_kernel(
                 runtime.queue, self._kernel, work, (group[1], group[0]), None if first is None else (first[1], first[0])
             )
-        runtime.record(self.name, event)
+        runtime.record(self.name, event, work[0] * work[1])
 
     def _group(self, rows: int, columns: int) -> Size:
         if self.runtime.info.kind == "cpu" or self.runtime.info.kind == "":
-            return (1, CPU_WIDTH)
-        return (8, 8) if rows >= 8 else (1, 64)
+            return (1, min(CPU_WIDTH, self.largest_group))
+        group = (8, 8) if rows >= 8 else (1, 64)
+        while group[0] * group[1] > self.largest_group:
+            group = (-(-group[0] // 2), group[1]) if group[0] > 1 else (1, group[1] // 2)
+        return group

@@ -17,6 +17,7 @@ from statistics import median
 
 from ssgi_cl.device.drivers.probe_timer import million_reads, timer
 from ssgi_cl.device.opencl import described
+from ssgi_cl.device.requirements import facts
 
 REPEATS = 15
 LONGEST_REASON = 4000
@@ -36,7 +37,7 @@ def list_devices() -> None:
         return
     for p, platform in enumerate(platforms):
         for d, device in enumerate(platform.get_devices()):
-            entry = {"platform": p, "device": d, **described(platform, device)}
+            entry = {"platform": p, "device": d, **described(platform, device), "facts": facts(device)}
             print(json.dumps(entry), flush=True)
 
 

@@ -6,9 +6,9 @@ import os
 from typing import Any
 
 from ssgi_cl.core.errors import DeviceError
+from ssgi_cl.device import requirements
 from ssgi_cl.device.drivers import DeviceInfo, KernelVariant, pocl_cache
 from ssgi_cl.device.drivers.caches import replaced_caches
-from ssgi_cl.device.kernel import check_groups
 from ssgi_cl.device.opencl import listed_device, opencl
 
 _loaded_driver: str | None = None
@@ -72,5 +72,5 @@ def usable_device(info: DeviceInfo, variant: KernelVariant) -> Any:
         )
     if variant.storage == "image" and not device.image_support:
         raise DeviceError(f"{info.label} has no images: use storage 'buffer'")
-    check_groups(info.label, device)
+    requirements.check(info.label, device)
     return device

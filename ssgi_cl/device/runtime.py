@@ -15,20 +15,21 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core import checks
 from ssgi_cl.core.array_kinds import kind_among, of_kind
-from ssgi_cl.core.errors import DeviceMemoryError
+from ssgi_cl.core.errors import DeviceError, DeviceMemoryError
 from ssgi_cl.core.gbuffer_batch import image_by_image, images_in
 from ssgi_cl.core.keywords import check_keywords
-from ssgi_cl.device import drivers, image_limits
+from ssgi_cl.device import drivers, image_limits, requirements
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size, plane_shape
 from ssgi_cl.device.drivers import DeviceInfo, KernelVariant
 from ssgi_cl.device.drivers.probe_timer import speed_in_use
 from ssgi_cl.device.image_limits import ImageLimits
 from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.memory import DeviceMemory, outline
-from ssgi_cl.device.opencl import listed_device, opencl
+from ssgi_cl.device.opencl import described, listed_device, opencl
 from ssgi_cl.device.prepared import PreparedResults
 from ssgi_cl.device.process import check_not_forked, load_driver, usable_device
 from ssgi_cl.device.programs import Programs
+from ssgi_cl.device.shared import Strided, channels_first, strided, unpack
 from ssgi_cl.device.structs import Struct
 from ssgi_cl.device.timing import FrameLog
 from ssgi_cl.device.transient import TransientMemory
@@ -48,6 +49,7 @@ class Runtime:
     Attributes:
         info: the device.
         variant: the kernel variant that it gets: lanes and storage.
+        context: of PyOpenCL, which its memory belongs to.
         memory: the device's memory: how much is in use, the most that was, and limits.
         transient: the memory that passes share.
         programs: what it has compiled.
@@ -58,13 +60,13 @@ class Runtime:
         kernel_from_text: as `Programs.kernel_from_text`.
     """
 
-    def __init__(self, info: DeviceInfo, variant: KernelVariant) -> None:
+    def __init__(self, info: DeviceInfo, variant: KernelVariant, context: Any = None) -> None:
         cl = opencl()
         self.info = info
         self.variant = variant
         self.allocated_bytes = 0
-        self.device = device = usable_device(info, variant)
-        self.context = cl.Context([device])
+        self.device = device = usable_device(info, variant) if context is None else context.devices[0]
+        self.context = cl.Context([device]) if context is None else context
         profiling = cl.command_queue_properties.PROFILING_ENABLE
         self.queue = cl.CommandQueue(self.context, properties=profiling)
         self.shares_memory = bool(device.host_unified_memory) and info.kind != "gpu"
@@ -126,6 +128,56 @@ class Runtime:
             runtime = _OPENED[key] = cls(info, variant)
             drivers.confirm(info, variant, lambda: speed_in_use(cls(info, variant)))
         return runtime
+
+    @classmethod
+    def in_context(cls, context: Any, *, lanes: int | None = None, storage: str = "buffer") -> Runtime:
+        """Return a new runtime in a caller's `pyopencl.Context`, so that memory can be shared.
+
+        It has the context's first device and a queue of its own. Keep it for all frames: what it compiled and
+        prepared goes with it.
+
+        Args:
+            context: of one driver; PyOpenCL has loaded all of them by then, so that two with an LLVM of their own may
+                clash.
+            lanes, storage: the form of the kernels; by default 1 lane on GPUs and 8 on processors, which is not timed.
+
+        Raises:
+            DeviceError: the device lacks what kernels need.
+        """
+        check_not_forked()
+        device = context.devices[0]
+        info = DeviceInfo("", 0, 0, **described(device.platform, device))
+        requirements.check(info.label, device)
+        if storage == "image" and not device.image_support:
+            raise DeviceError(f"{info.label} has no images: use storage 'buffer'")
+        narrow = info.kind != "cpu" or storage == "image"
+        return cls(info, KernelVariant((1 if narrow else 8) if lanes is None else lanes, storage), context)
+
+    def copy_to(self, plane: Plane, target: Any, *, wait_for: Sequence[Any] | None = None) -> Any:
+        """Queue a copy of a result to a caller's device memory, and return the event after which it is there.
+
+        Args:
+            plane: what a prepared technique returned.
+            target: pyopencl.array.Array, pyopencl.Buffer (C-contiguous) or DLPack array of an OpenCL device, float32,
+                [rows, columns], or with several images [rows, columns, images].
+            wait_for: events of other queues after which it may be written.
+
+        Raises:
+            TypeError, ValueError: it is no such memory, or of another shape.
+            DeviceError: it is of another context.
+        """
+        cl = opencl()
+        shape = plane.size if plane.count == 1 else (*plane.size, plane.count)
+        array = strided(self, "target", target, shape, written=True)
+        if plane.count == 1:
+            array = Strided(array.memory, array.first, (1, *shape), (0, *array.steps))
+        else:
+            array = channels_first(array)
+        if wait_for:
+            cl.enqueue_barrier(self.queue, wait_for=list(wait_for))
+        unpack(plane, array)
+        self.queue.flush()
+        return cl.enqueue_marker(self.queue)
 
     def __repr__(self) -> str:
         return f"<Runtime {self.info.label}, {self.variant}>"
@@ -302,9 +354,9 @@ class Runtime:
 
     # ---- time
 
-    def record(self, name: str, event: Any) -> None:
-        """Add a pass to the current frame."""
-        self._log.events.append((name, event))
+    def record(self, name: str, event: Any, items: int = 0) -> None:
+        """Add a pass to the current frame, a kernel's with the number of its work-items."""
+        self._log.events.append((name, event, items))
 
     @property
     def noted(self) -> int:

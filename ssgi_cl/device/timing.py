@@ -19,19 +19,21 @@ class PassTime:
         skipped: why it was not run; empty if it ran.
         saved: milliseconds that this saves by estimate: what the pass took when it last ran; 0 if
             that is not known.
+        items: work-items of the kernel; 0 of copies, and of what was skipped.
     """
 
     name: str
     ms: float
     skipped: str = ""
     saved: float = 0.0
+    items: int = 0
 
 
 class FrameLog(threading.local):
     """The passes of a thread's current frame."""
 
     def __init__(self) -> None:
-        self.events: list[tuple[str, Any]] = []
+        self.events: list[tuple[str, Any, int]] = []
         self.skips: list[tuple[int, PassTime]] = []
         self.parts: list[tuple[str, int, int]] = []
         self.costs: dict[str, float] = {}
@@ -57,7 +59,10 @@ class FrameLog(threading.local):
         """Return the passes of the latest frame, in order; waits for those still running."""
         if self.events:
             self.events[-1][1].wait()
-        ran = [PassTime(name, event.profile.end * 1e-6 - event.profile.start * 1e-6) for name, event in self.events]
+        ran = [
+            PassTime(name, event.profile.end * 1e-6 - event.profile.start * 1e-6, items=items)
+            for name, event, items in self.events
+        ]
         taken: dict[str, list[float]] = {}
         for p in ran:
             taken.setdefault(p.name, []).append(p.ms)

@@ -2,18 +2,11 @@
 
 from __future__ import annotations
 
-import pickle
-import signal
-import subprocess
-from pathlib import Path
-from typing import Any
-
 import numpy as np
-import pytest
 
 from ssgi_cl.bench.every import TECHNIQUES
-from ssgi_cl.bench.experiments import agreement
-from ssgi_cl.bench.experiments.agreement import NOT_IN_TIME, TOLERANCE, Run, difference, fits, report, runs
+from ssgi_cl.bench.experiments.agreement import Run, fits, report, runs
+from ssgi_cl.bench.self_test import NOT_IN_TIME, TOLERANCE
 from ssgi_cl.device.drivers import DeviceInfo, KernelVariant
 
 ONE = [np.linspace(0.5, 1.5, 10)]
@@ -23,13 +16,6 @@ BROKEN = DeviceInfo("", 0, 0, "C 3: chip", "cpu", 2, {"1 lane, buffer": "it cras
 FAST = DeviceInfo(
     "", 0, 0, "A 1: chip", "cpu", 2, {"1 lane, image": "no images", "1 lane, buffer": 2.0, "8 lanes, buffer": 9.0}
 )
-
-
-def test_differences_are_relative_to_the_mean_and_none_for_bit_identical_results() -> None:
-    assert difference(ONE, ONE) is None
-    other = [ONE[0].copy()]
-    other[0][3] += 0.5
-    assert difference(ONE, other) == (0.5, 0.05)
 
 
 def test_one_device_has_to_give_bit_identical_results_and_others_nearly() -> None:
@@ -61,20 +47,3 @@ def test_the_page_has_a_row_for_each_technique_and_marks_what_is_off() -> None:
     page, fine = report([(first, good), (second, {**good, "ssao": "the process died"})])
     assert not fine
     assert "| ssao | **the process died** |" in page
-
-
-def test_what_a_process_ends_at_is_left_out_by_the_next(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    codes = iter((-signal.SIGXCPU, -signal.SIGSEGV, 0))
-
-    def run(command: list[str], **_: Any) -> subprocess.CompletedProcess[str]:
-        code, left = next(codes), agreement._left(tmp_path)
-        for name in left[: 2 if code else None]:
-            agreement._path(tmp_path, name).write_bytes(pickle.dumps(ONE))
-        return subprocess.CompletedProcess(command, code)
-
-    monkeypatch.setattr(subprocess, "run", run)
-    found = Run("A", "A", KernelVariant(1, "buffer")).results(tmp_path, 1.0)
-    whys = [result for result in found.values() if isinstance(result, str)]
-    assert whys == [NOT_IN_TIME, "the process died (-11)"]
-    assert (found[list(TECHNIQUES)[2]], len(found)) == (NOT_IN_TIME, len(TECHNIQUES))
-    assert list(tmp_path.iterdir()) == []

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 import ssgi_cl as gi
+from ssgi_cl.core.errors import DeviceError, DeviceMemoryError
 from ssgi_cl.device.drivers import KernelVariant
+from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import cornell_box
 
@@ -36,3 +38,47 @@ def drawn(runtime: Runtime) -> list[np.ndarray]:
 def test_a_gpu_gives_the_bits_of_a_processor(runtime: Runtime, as_gpu: Runtime) -> None:
     for found, wanted in zip(drawn(as_gpu), drawn(runtime), strict=True):
         np.testing.assert_array_equal(found, wanted)
+
+
+COUNT = """
+#include "common/gbuffer.clh"
+__kernel void count(__global int *restrict found, const int2 size)
+{
+    const int x = (int)get_global_id(0), y = (int)get_global_id(1);
+    if (x < size.x && y < size.y) {
+        found[y * size.x + x] = (int)(get_local_size(0) * get_local_size(1));
+    }
+}
+"""
+
+
+@pytest.mark.parametrize(("largest", "group"), [(1024, 64), (64, 64), (63, 32), (20, 16), (7, 4), (1, 1)])
+@pytest.mark.parametrize("rows", [3, 21])
+def test_a_kernel_of_many_registers_gets_smaller_groups(as_gpu: Runtime, largest: int, group: int, rows: int) -> None:
+    kernel: Kernel = as_gpu.kernel_from_text("count", COUNT)
+    assert kernel.largest_group >= 64
+    kernel.largest_group = largest  # as a driver says of a kernel that takes many registers
+    found = as_gpu.array(np.zeros((rows, 13), np.int32))
+    kernel.run((rows, 13), found=found)
+    assert set(found.download()) == {group}
+
+
+def test_a_group_of_a_fixed_size_is_refused_where_it_does_not_fit(as_gpu: Runtime) -> None:
+    kernel = as_gpu.kernel_from_text("count", COUNT)
+    kernel.largest_group = 32
+    with pytest.raises(DeviceError, match="runs count with work-groups of at most 32 work-items: expected 64"):
+        kernel.run((1, 1), grid=(1, 64), local=(1, 64), found=as_gpu.array(np.zeros(1, np.int32)))
+
+
+def test_no_piece_of_memory_is_larger_than_the_device_has(runtime: Runtime) -> None:
+    own = Runtime(runtime.info, runtime.variant)
+    own.memory.largest = 128 << 10
+    made = cornell_box()
+    small, large = (made.camera(*size) for size in ((64, 48), (400, 300)))
+    depth = np.full((48, 64), 2.0, np.float32)
+    np.testing.assert_array_equal(
+        gi.gtao(gi.GBuffer(camera=small, depth=depth), radius=0.1, runtime=own),
+        gi.gtao(gi.GBuffer(camera=small, depth=depth), radius=0.1, runtime=runtime),
+    )
+    with pytest.raises(DeviceMemoryError, match=r"MiB in one piece, which has at most 0\.1 MiB"):
+        gi.gtao(gi.GBuffer(camera=large, depth=np.ones((300, 400), np.float32)), radius=0.1, runtime=own)

@@ -190,6 +190,19 @@ def test_a_picture_shows_the_box(
     assert abs(float(picture[box].mean()) - float(picture[~box].mean())) > 5.0
 
 
+def test_device_memory_is_read_and_written(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def device(folder: Path) -> dict[str, Any]:
+        return {
+            "height": SIZE[0],
+            "width": SIZE[1],
+            "cameras": [gi.Camera.from_intrinsics(*K, width=64, height=48)] * 2,
+        }
+
+    found = run(monkeypatch, tmp_path, device)
+    found["done"].wait()
+    np.testing.assert_allclose(found["ao"].get(), 1.0, atol=1e-3)  # of a plane across the view
+
+
 def test_sky_view_of_a_cliff_is_the_closed_form(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     found = run(monkeypatch, tmp_path, elevation)["sky_view"]
     # Of a horizontal receiver before an endless wall with its upper edge at the angle h: (1 + cos h) / 2.
@@ -214,4 +227,5 @@ def test_every_block_of_the_page_is_run() -> None:
         "relight",
         "exr",
         "camera",
+        "device",
     }

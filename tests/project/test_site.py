@@ -192,4 +192,4 @@ def test_a_release_has_one_version() -> None:
 
 def test_forms_for_bugs_ask_for_devices() -> None:
     for name in ("bug", "slow"):
-        assert "ssgi devices" in (ROOT / f".github/ISSUE_TEMPLATE/{name}.yml").read_text("utf-8")
+        assert "ssgi doctor" in (ROOT / f".github/ISSUE_TEMPLATE/{name}.yml").read_text("utf-8")

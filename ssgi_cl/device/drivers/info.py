@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,7 @@ class DeviceInfo:
         units: compute units.
         speeds: variant as text -> million reads per second if nothing else runs, or the reason why
             it does not run.
+        facts: what reports say of it, see `requirements.facts`.
     """
 
     driver: str
@@ -56,6 +58,7 @@ class DeviceInfo:
     kind: str
     units: int
     speeds: dict[str, float | str] = field(default_factory=dict)
+    facts: dict[str, Any] = field(default_factory=dict)
 
     @property
     def best(self) -> KernelVariant | None:
@@ -74,6 +77,17 @@ class DeviceInfo:
         fastest = max(speeds.values(), default=0.0)
         close = [variant for variant, speed in speeds.items() if speed >= 0.85 * fastest]
         return max(close, key=lambda variant: (variant.lanes, variant.storage == "buffer"), default=None)
+
+    @property
+    def why(self) -> str:
+        """Why `best` is the one in use; empty if none runs."""
+        if self.best is None:
+            return ""
+        if self.speeds[str(self.best)] == self.speed:
+            return "fastest"
+        if self.kind == "gpu":
+            return "fastest with one lane"
+        return "widest within 15 %"
 
     @property
     def speed(self) -> float:

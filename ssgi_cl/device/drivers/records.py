@@ -32,7 +32,7 @@ _SETTINGS = re.compile(r"(POCL|CUDA|NVIDIA|HIP|ROCR|GPU|HSA|ZE|ONEAPI|SYCL|CL|OC
 """Variables that choose or change devices."""
 _NO_SETTINGS = ("POCL_CACHE_DIR", "POCL_DEBUG", "POCL_EXTRA_BUILD_FLAGS", "OCL_ICD_VENDORS")
 """Variables among them that don't, or that this library sets itself."""
-_MODULES = ("../probe.py", "probe_timer.py", "probing.py", "pocl_cpu.py", "info.py")
+_MODULES = ("../probe.py", "../requirements.py", "probe_timer.py", "probing.py", "pocl_cpu.py", "info.py")
 """Files whose text decides what a record says."""
 
 

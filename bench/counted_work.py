@@ -1,0 +1,205 @@
+"""Work of kernels, counted in a simulator, and the times that follow from it.
+
+`oclgrind --inst-counts python -m ssgi_cl.bench.counted_work FILE > LOG` draws small frames with default settings and
+notes the launches, `python -m ssgi_cl.bench.counted_work FILE --log LOG` makes `counted_work.json` of both. What is
+counted is a work-item's: that of image kernels does not grow with the image.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import asdict, dataclass
+from functools import cache
+from math import prod
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+import ssgi_cl as gi
+from ssgi_cl.core.atomic import replacement
+from ssgi_cl.device.drivers import DeviceInfo, KernelVariant
+from ssgi_cl.device.opencl import opencl
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.rasterize.scenes import make_scene
+
+RECORD = Path(__file__).with_name("counted_work.json")
+PAGE = Path(__file__).parents[1] / "docs/gpu.md"
+SIZE = (36, 48)
+"""(rows, columns) of the images; a simulator takes some microseconds for each instruction."""
+TEXELS = 64
+"""Along a side of the lights' maps."""
+LIGHTS = 256
+"""Virtual point lights."""
+_ARITHMETIC = re.compile(
+    r"f?(?:add|sub|mul|neg|cmp)|[fsu]div|[fsu]rem|icmp|and|or|xor|shl|[al]shr|select|[su]itofp|fpto[su]i|call _Z.*"
+)
+"""Instructions of LLVM that compute; calls of built-in functions count once."""
+_TWICE = re.compile(r"call _Z3(?:fma|mad)")
+_LINE = re.compile(r"\s*([\d,]+) - (.*?)(?: \((\d+) bytes\))?$")
+
+
+@dataclass(frozen=True)
+class Work:
+    """What a work-item does on average.
+
+    Attributes:
+        operations: arithmetic ones, of numbers and of places, as the source has them: compilers leave some out.
+        reads: of global and constant memory.
+        bytes: read from global memory and written to it, caches or not.
+    """
+
+    operations: float
+    reads: float
+    bytes: float
+
+
+@dataclass(frozen=True)
+class Ceilings:
+    """What a device can do at most.
+
+    Attributes:
+        gflop_s: operations, 1e9 a second.
+        gb_s: of memory, 1e9 bytes a second.
+        launch_us: microseconds that a launch takes at least.
+    """
+
+    gflop_s: float
+    gb_s: float
+    launch_us: float = 5.0
+
+
+SLOW_GPU = Ceilings(1000.0, 50.0)
+"""Of the slowest that is looked after: 1 TFLOP/s, memory that it shares with a processor."""
+GPUS = {
+    "1 TFLOP/s, 50 GB/s": SLOW_GPU,
+    "RTX 3060": Ceilings(12740.0, 360.0),
+    "RX 6800": Ceilings(16170.0, 512.0),
+    "Arc A770": Ceilings(19660.0, 560.0),
+}
+"""Name -> ceilings as their makers state them."""
+PIXELS = 3840 * 2160
+
+
+def predicted_ms(work: Work, items: int, ceilings: Ceilings) -> float:
+    """Return the milliseconds of a launch with so many work-items: the longest of computing, memory and launching."""
+    computing = work.operations * items / ceilings.gflop_s
+    moving = work.bytes * items / ceilings.gb_s
+    return max(1e-6 * max(computing, moving), 1e-3 * ceilings.launch_us)
+
+
+@cache
+def counted() -> Mapping[str, Work]:
+    """Return the recorded work of a work-item of each kernel."""
+    return {name: Work(**numbers) for name, numbers in json.loads(RECORD.read_text(encoding="utf-8")).items()}
+
+
+def markdown() -> str:
+    """Return the table of docs/gpu.md: what is counted, and times of a launch of a work-item for each pixel of 4K."""
+    lines = [
+        "| kernel | operations | reads | bytes | " + " | ".join(f"{name}, ms" for name in GPUS) + " |",
+        "|---|" + "---:|" * (3 + len(GPUS)),
+    ]
+    for name, work in sorted(counted().items(), key=lambda item: -item[1].operations):
+        times = (f"{predicted_ms(work, PIXELS, ceilings):.2f}" for ceilings in GPUS.values())
+        numbers = f"{work.operations:.0f} | {work.reads:.1f} | {work.bytes:.0f}"
+        lines.append(f"| {name} | {numbers} | {' | '.join(times)} |")
+    return "\n".join(lines) + "\n"
+
+
+def parsed(lines: Iterable[str]) -> Iterator[tuple[str, Work]]:
+    """Yield the kernel and the work of all of its work-items, launch by launch, of a log of `--inst-counts`."""
+    name = ""
+    numbers = [0, 0, 0]
+    for line in lines:
+        if found := re.match(r"Instructions executed for kernel '(\w+)'", line):
+            if name:
+                yield name, Work(*numbers)
+            name, numbers = found[1], [0, 0, 0]
+        elif name and (found := _LINE.match(line.rstrip())):
+            count, what = int(found[1].replace(",", "")), found[2]
+            if _ARITHMETIC.fullmatch(what):
+                numbers[0] += count * (2 if _TWICE.match(what) else 1)
+            elif what.startswith(("load global", "load constant", "store global")):
+                numbers[1] += count if what.startswith("load") else 0
+                numbers[2] += int(found[3] or 0) if "global" in what else 0
+    if name:
+        yield name, Work(*numbers)
+
+
+def per_item(launches: Iterable[tuple[str, int]], log: Iterable[str]) -> dict[str, Work]:
+    """Return the mean work of a work-item of each kernel.
+
+    Args:
+        launches: kernel and number of work-items, in order.
+        log: lines of the simulator, of the same launches or of the first of them.
+    """
+    sums: dict[str, list[float]] = defaultdict(lambda: [0.0] * 4)
+    for (name, items), (logged, work) in zip(launches, parsed(log), strict=False):
+        if name != logged:
+            raise ValueError(f"the log has a launch of {logged}: expected {name}, as was noted")
+        for place, number in enumerate((work.operations, work.reads, work.bytes, items)):
+            sums[name][place] += number
+    return {name: Work(*(round(each / total[3], 2) for each in total[:3])) for name, total in sorted(sums.items())}
+
+
+def _draw(path: Path) -> None:
+    """Draw frames and call techniques on the first device, and note the launches."""
+    cl = opencl()
+    noted: list[tuple[str, int]] = []
+    launch = cl.enqueue_nd_range_kernel
+
+    def noting(queue: Any, kernel: Any, work: Any, *rest: Any) -> Any:
+        noted.append((kernel.function_name, prod(work)))
+        path.write_text(json.dumps(noted), encoding="utf-8")
+        return launch(queue, kernel, work, *rest)
+
+    cl.enqueue_nd_range_kernel = noting
+    runtime = Runtime(DeviceInfo("", 0, 0, "the first device", "gpu", 1), KernelVariant(1, "buffer"))
+    made = make_scene("cornell_box")
+    rows, columns = SIZE
+    camera = made.camera(columns, rows)
+    sizes: dict[str, Any] = {"shadow_size": TEXELS, "rsm_size": TEXELS, "runtime": runtime}
+    gi.render(made.scene, camera, made.lights, bounces=0, ao="gtao", edges=0, **sizes)
+    gbuffer = gi.rasterize.gbuffer(made.scene, camera, runtime=runtime)
+    for technique in (gi.gtao, gi.hbao, gi.bitmask_ao, gi.ssao):
+        technique(gbuffer, radius=0.3, runtime=runtime)
+    spot = next(light for light in made.lights if isinstance(light, gi.SpotLight))
+    rsm = gi.rasterize.rsm(made.scene, spot, size=TEXELS, runtime=runtime)
+    gi.rsm_gather(gbuffer, rsm, runtime=runtime)
+    gi.ssdo(gbuffer, made.lights, radius=0.3, runtime=runtime)
+    gi.bilateral_blur(np.asarray(gbuffer.albedo), gbuffer, runtime=runtime)
+    gi.area_lights(gbuffer, scene=made.scene, runtime=runtime)
+    gi.multires_splat(gbuffer, rsm, LIGHTS, runtime=runtime)
+
+
+def _write_page() -> None:
+    block = re.compile(r"(<!-- work -->\n).*?(<!-- end -->)", re.DOTALL)
+    counted.cache_clear()
+    page = block.sub(lambda match: match[1] + markdown() + match[2], PAGE.read_text(encoding="utf-8"))
+    with replacement(PAGE) as file:
+        file.write_text(page, encoding="utf-8")
+
+
+@click.command()
+@click.argument("launches", type=click.Path(path_type=Path))
+@click.option("--log", type=click.Path(path_type=Path, exists=True), help="Make the record of this log.")
+def main(launches: Path, log: Path | None) -> None:
+    """Note LAUNCHES, a JSON file, while a simulator counts; or record what it has counted."""
+    if log is None:
+        _draw(launches)
+        return
+    with log.open(encoding="utf-8", errors="replace") as lines:
+        found = per_item(json.loads(launches.read_text(encoding="utf-8")), lines)
+    entries = ",\n".join(f' "{name}": {json.dumps(asdict(work))}' for name, work in found.items())
+    with replacement(RECORD) as file:
+        file.write_text(f"{{\n{entries}\n}}\n", encoding="utf-8")
+    _write_page()
+
+
+if __name__ == "__main__":
+    main(prog_name="python -m ssgi_cl.bench.counted_work")

@@ -402,7 +402,8 @@ class Scan:
     def _reached(self, f: Doubles, thick: Doubles) -> Doubles:
         """Return `f` of what lies so far behind a tap on its view ray."""
         # 1 - scale with scale = depth / (seen + thickness).
-        result: Doubles = 1.0 - 1.0 / (1.0 / (1.0 - f) + thick) if self.perspective else f + thick
+        with np.errstate(divide="ignore"):  # infinitely far away f is 1, and stays so
+            result: Doubles = 1.0 - 1.0 / (1.0 / (1.0 - f) + thick) if self.perspective else f + thick
         return result
 
     def _solid(self, f: Doubles, thickness: Doubles, x: Doubles, y: Doubles) -> tuple[Doubles, Doubles]:

@@ -18,7 +18,16 @@ import ssgi_cl
 import ssgi_cl as gi
 from ssgi_cl.techniques.catalogue import CATALOGUE
 
-BESIDE = {"Choice", "ao", "ao_confidence", "auxiliary_cameras", "choose_vpls", "normals_from_depth", "relight", "shade_depth"}
+BESIDE = {
+    "Choice",
+    "ao",
+    "ao_confidence",
+    "auxiliary_cameras",
+    "choose_vpls",
+    "normals_from_depth",
+    "relight",
+    "shade_depth",
+}
 """Parts of techniques, and what is made of them, of no paper of their own."""
 TECHNIQUES = {
     name: value

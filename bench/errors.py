@@ -47,7 +47,7 @@ def errors_of(
         rmse, bias, p99, psnr, mrse, ssim and flip (None if flip-evaluator is not installed; of a
         truth that is black all over, so are mrse, psnr and ssim; of one with holes, ssim and flip),
         mottling (None of what is no frame, and where nothing that is lit is `smooth`), streaks (None
-        where nothing is `smooth`),
+        where nothing is `smooth`, or the truth is of too few samples to know its error),
         `mean` of the truth and `truth_error`, the root mean square of its standard error, and
         `regions`: share of the pixels, rmse and bias of each region that has any.
     """
@@ -117,6 +117,8 @@ def _streaks(
     if not counted.any():
         return None
     noise = math.sqrt(float(np.mean(truth.error[counted].astype(np.float64) ** 2)))
+    if not math.isfinite(noise):  # the truth is of too few samples to tell
+        return None
     return metrics.streaks(image, truth.mean, counted, noise=noise)
 
 

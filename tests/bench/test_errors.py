@@ -130,6 +130,7 @@ def test_streaks_are_those_of_smooth_surfaces_that_the_truth_knows() -> None:
     assert streaks(truth, None) is None
     # Noise of the truth that would make as much by chance: .05^2 / 2 is 3 e^2 / sqrt(60 x 2956 pairs).
     assert streaks(truth, seen, error=1.0) == 0.0
+    assert streaks(truth, seen, error=np.inf) is None
 
 
 def test_tone_curve_is_the_documented_one() -> None:

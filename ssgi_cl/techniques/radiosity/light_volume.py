@@ -112,7 +112,8 @@ class SurfaceCells:
         self._slots = _Slots.of(number[own], lit.normal)
         black = _Slots.of(number[others], dark.normal).sums(dark.area, len(place))
         area = self._slots.sums(lit.area, len(place))
-        self._near = np.tile(np.arange(len(place))[:, None], FACES)
+        # Slots are numbered record by record.
+        self._near = np.arange(len(place) * FACES).reshape(-1, FACES)
         for face in range(FACES):
             known = area[:, face] > 1e-6 * area[:, face].max(initial=0.0)
             area[~known, face] = 0.0
@@ -122,7 +123,7 @@ class SurfaceCells:
             alone = (away > NEAR) & (black[:, face] > 0.0)
             area[alone, face] = black[alone, face]
             given = ~known & ~alone & np.isfinite(away)
-            self._near[given, face] = number[nearest[given]]
+            self._near[given, face] = number[nearest[given]] * FACES + face
         self._area = area
         self._seen = self._slots.sums(lit.area * self._shown, len(place))
         self.area = np.maximum(area / self.side**2, FAINT)
@@ -140,19 +141,15 @@ class SurfaceCells:
             also: pieces of some of the same surfaces, and what these send besides, [n, 3] W.
         """
         count = len(self.area)
-        radiance = np.zeros((count, FACES, 3))
-        given = [(self._slots, flux * self._shown[:, None], self._seen)]
+        radiance = self._slots.mean(flux * self._shown[:, None], self._seen)
         if also is not None:
             pieces, sent = also
             slots = _Slots.of(self.cells.ravel()[self._cell(pieces.position)], pieces.normal)
             # Pieces are few: those of some surfaces may have missed a cell that others lie in.
-            given.append((slots, sent, np.maximum(self._area, slots.sums(pieces.area, count))))
-        for slots, sent, area in given:
-            over = np.pi * np.where(area > 0.0, area, np.inf)
-            for channel in range(3):
-                radiance[..., channel] += slots.sums(sent[:, channel], count) / over
-        radiance = np.take_along_axis(radiance, self._near[..., None], 0)
-        records = np.concatenate([np.minimum(radiance, BRIGHTEST), self.area[..., None]], axis=-1, dtype=np.float32)
+            radiance += slots.mean(sent, np.maximum(self._seen, slots.sums(pieces.area, count)))
+        records = np.empty((count, FACES, 4), np.float32)
+        records[..., :3] = np.minimum(radiance, BRIGHTEST).astype(np.float32).take(self._near, axis=0)
+        records[..., 3] = self.area
         return LightVolume(self.cells, records, self.low, self.extent)
 
     def _cell(self, position: Doubles) -> NDArray[np.intp]:
@@ -187,6 +184,11 @@ class _Slots:
         faced = np.maximum(np.stack([normal, -normal], axis=-1).reshape(-1, FACES), 0.0) ** 2
         piece, face = np.nonzero(faced)
         return cls(record[piece] * FACES + face, piece, faced[piece, face])
+
+    def mean(self, flux: Doubles, area: Doubles) -> Doubles:
+        """Return [records FACES, 3] the radiance of the pieces' flux [pieces, 3] over areas [records, FACES]."""
+        over = np.pi * np.where(area > 0.0, area, np.inf)
+        return np.stack([(self.sums(channel, len(area)) / over).ravel() for channel in flux.T], axis=1)
 
     def sums(self, values: Doubles, records: int) -> Doubles:
         """Return [records, FACES] sums of a value of the pieces."""

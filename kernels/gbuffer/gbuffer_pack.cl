@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: MIT
-// gbuffer_pack: images of a caller's memory to those of a plane, whatever the order of their
-// numbers.
+// gbuffer_pack: images of a caller's memory to those of a plane, whatever the order of numbers.
 //
-// Reads:   source  float32; pixel (x, y) of image i is number first + i * image + y * row + x *
-// column Writes:  plane   COUNT x [rows, columns], from image `to` on; the outside value in place
-// of NaN, and with `positive`
-//                  in place of numbers that are not above 0
+// Reads:   source  float32: pixel (x, y) of image i is that of number
+//                  first + i image + y row + x column
+// Writes:  plane   PACK_COUNT x [rows, columns], from image `to` on; the outside value in place of
+//                  NaN, and with `positive` of numbers that are not above 0
+// Macros:  PACK_COUNT (images of the plane)
 // Params:  steps between numbers, int
-// Macros:  PACK_COUNT  images of the plane
 // Launch:  one pixel per work-item
 
 #include "common/gbuffer.clh"

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: MIT
 // gbuffer_unpack: images of a plane to a caller's memory, in the order that the caller has.
 //
-// Reads:   plane   COUNT x [rows, columns]
-// Writes:  target  float32; pixel (x, y) of image i is number first + i * image + y * row + x *
-// column Params:  steps between numbers, int Macros:  PACK_COUNT  images of the plane Launch:  one
-// pixel per work-item
+// Reads:   plane   PACK_COUNT x [rows, columns]
+// Writes:  target  float32: pixel (x, y) of image i is that of number
+//                  first + i image + y row + x column
+// Macros:  PACK_COUNT (images of the plane)
+// Params:  steps between numbers, int
+// Launch:  one pixel per work-item
 
 #include "common/gbuffer.clh"
 

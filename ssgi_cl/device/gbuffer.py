@@ -291,7 +291,7 @@ class DeviceGBuffer:
         arrays = {name: strided(runtime, name, value, vectors) for name, value in given.items() if value is not None}
         source = strided(runtime, "depth", depth, plain)
         if layers == 1:
-            source = Strided(source.memory, source.first, (1, *source.shape), (0, *source.steps))
+            source = source.stacked()
         if wait_for:
             opencl().enqueue_barrier(runtime.queue, wait_for=list(wait_for))
         self.region = None
@@ -322,7 +322,7 @@ class DeviceGBuffer:
         """Queue a copy of [rows, columns, 3] or [layers, rows, columns, 3] to the images of a plane."""
         planar = channels_first(array)
         if len(planar.shape) == 3:
-            planar = Strided(planar.memory, planar.first, (1, *planar.shape), (0, *planar.steps))
+            planar = planar.stacked()
         for layer in range(planar.shape[0]):
             first = planar.first + layer * planar.steps[0]
             pack(plane, Strided(planar.memory, first, planar.shape[1:], planar.steps[1:]), to=3 * layer)

@@ -29,7 +29,7 @@ from ssgi_cl.device.opencl import described, listed_device, opencl
 from ssgi_cl.device.prepared import PreparedResults
 from ssgi_cl.device.process import check_not_forked, load_driver, usable_device
 from ssgi_cl.device.programs import Programs
-from ssgi_cl.device.shared import Strided, channels_first, strided, unpack
+from ssgi_cl.device.shared import channels_first, strided, unpack
 from ssgi_cl.device.structs import Struct
 from ssgi_cl.device.timing import FrameLog
 from ssgi_cl.device.transient import TransientMemory
@@ -169,10 +169,7 @@ class Runtime:
         cl = opencl()
         shape = plane.size if plane.count == 1 else (*plane.size, plane.count)
         array = strided(self, "target", target, shape, written=True)
-        if plane.count == 1:
-            array = Strided(array.memory, array.first, (1, *shape), (0, *array.steps))
-        else:
-            array = channels_first(array)
+        array = array.stacked() if plane.count == 1 else channels_first(array)
         if wait_for:
             cl.enqueue_barrier(self.queue, wait_for=list(wait_for))
         unpack(plane, array)

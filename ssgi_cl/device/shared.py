@@ -53,6 +53,10 @@ class Strided:
     shape: tuple[int, ...]
     steps: tuple[int, ...]
 
+    def stacked(self) -> Strided:
+        """Return it as the only one of an array of such."""
+        return Strided(self.memory, self.first, (1, *self.shape), (0, *self.steps))
+
 
 def is_shared(value: Any) -> bool:
     """Return whether a value is device memory of OpenCL that `strided` takes."""

@@ -38,7 +38,7 @@ def reflections(build: Build) -> Stage:
             lights=r[LIGHTS],
             shadows=r[SHADOWS],
             occupancy=r[OCCUPANCY],
-            volume=r[LIGHT_VOLUME],
+            volume=r[LIGHT_VOLUME](),
             scene=r[CASTING],
         )
         return radiance

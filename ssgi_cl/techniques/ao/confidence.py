@@ -6,6 +6,7 @@ from copy import copy
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy import ndimage
 
 from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer
@@ -14,7 +15,8 @@ from ssgi_cl.techniques.ao.bitmask_ao import bitmask_ao
 from ssgi_cl.techniques.ao.occlusion_bands import pixels_per_depth
 
 WINDOW = 9
-"""Columns and rows over which the spread of single pixels' occlusion is taken."""
+"""Columns and rows over which the spread of single pixels' occlusion is taken; beyond the border the image goes on as
+there."""
 SPREAD = 0.5
 """Of the standard deviation there, counted as doubt: the mean of 81 pixels that taps meet by chance errs less."""
 LEAST_SLACK, MOST_SLACK = 0.05, 0.4
@@ -59,8 +61,8 @@ def ao_confidence(
         for thickness, slack in ((least, LEAST_SLACK), (most, MOST_SLACK))
     )
     single = np.asarray(bitmask_ao(gbuffer, radius, blur_radius=0, runtime=runtime), np.float64)
-    mean = _box_mean(single)
-    spread = np.sqrt(np.maximum(_box_mean(single * single) - mean * mean, 0.0))
+    mean, square = (ndimage.uniform_filter(image, WINDOW, mode="nearest") for image in (single, single * single))
+    spread = np.sqrt(np.maximum(square - mean * mean, 0.0))
     doubt = np.maximum(open_, a) - np.minimum(closed, a) + SPREAD * spread + _beyond(gbuffer, radius)
     depth = gbuffer.first("depth")
     assert depth is not None  # noqa: S101  every G-buffer has one
@@ -93,17 +95,6 @@ def _with_thickness(gbuffer: GBuffer, thickness: NDArray[np.float32]) -> GBuffer
     other = copy(gbuffer)
     object.__setattr__(other, "thickness", thickness)
     return other
-
-
-def _box_mean(image: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the mean over `WINDOW` columns and rows; beyond the border the image goes on as there."""
-    for axis in (0, 1):
-        padding = [(0, 0), (0, 0)]
-        padding[axis] = (WINDOW // 2 + 1, WINDOW // 2)
-        sums = np.cumsum(np.pad(image, padding, mode="edge"), axis=axis)
-        sums = np.moveaxis(sums, axis, 0)
-        image = np.moveaxis(sums[WINDOW:] - sums[:-WINDOW], 0, axis) / WINDOW
-    return image
 
 
 def _beyond(gbuffer: GBuffer, radius: float) -> NDArray[np.float64]:

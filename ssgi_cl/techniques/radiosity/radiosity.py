@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import NamedTuple, TypedDict, Unpack
 
 import numpy as np
@@ -105,10 +106,10 @@ class RadiosityLight(NamedTuple):
 
     lights: WorldVpls | None
     """All but the first bounce of maps' lights; None where it is black."""
-    volume: LightVolume
-    """All of it, emission included."""
+    volume: Callable[[], LightVolume]
+    """Returns all of it, emission included; computed by the first call, as few frames mirror surfaces."""
     even: EvenLight | None
-    """That of `lights`."""
+    """That of `lights`, where rays meet triangles; None in other scenes, and where it is black."""
 
 
 class Radiosity(Prepared[RadiosityParams]):
@@ -208,11 +209,12 @@ class Radiosity(Prepared[RadiosityParams]):
         self._rays = shown = None
         if exact and len(surfels):
             shown = open_shares(runtime, scene, surfels, OPEN_CELLS * extent / CELLS)
-        self._cells = SurfaceCells(pieces, low, extent, _parts(device.unlit), shown)
+        unlit = _parts(device.unlit)
+        self._cells = cache(lambda: SurfaceCells(pieces, low, extent, unlit, shown))
         self._hidden = np.zeros(len(surfels.part_area), np.bool_)
         if shown is not None:
             self._hidden = shown < GAP
-            self._rays = SurfelRays(runtime, scene, surfels, self._cells)
+            self._rays = SurfelRays(runtime, scene, surfels, self._cells())
 
     def _solved(
         self, environments: Sequence[Environment], lights: Sequence[PunctualLight], records: Floats | None
@@ -221,7 +223,7 @@ class Radiosity(Prepared[RadiosityParams]):
         if not len(surfels):
             self.irradiance, self.vpls, self.bounces = np.zeros((0, 3)), None, 0
             flux = np.zeros((0, 3)) if records is None else self._of_maps(records)[1]
-            return RadiosityLight(None, cells.light(flux), None)
+            return RadiosityLight(None, cache(lambda: cells().light(flux)), None)
         ways, solid, radiance = sky_directions(environments, self.params.directions)
         if self._rays is not None:
             received, direct = self._by_rays(self._rays, lights, ways, solid, radiance)
@@ -235,15 +237,18 @@ class Radiosity(Prepared[RadiosityParams]):
         self.irradiance = surfels.mean_of_parts(received)
         reflected = sent(surfels, received, emission=self.params.emission)
         self.vpls = _without(reflected, self._hidden)
-        volume = cells.light(_flux(shown), also)
+        volume = cache(lambda: cells().light(_flux(shown), also))
         if not self.vpls.flux.any():
             return RadiosityLight(None, volume, None)
+        made = self._on_device(self.vpls)
+        if self._rays is None:
+            return RadiosityLight(made, volume, None)
         even, bright = even_and_bright(reflected, self._hidden)
-        made, few = (
-            WorldVpls(self.runtime, each, self._device.camera.position) if len(each) else None
-            for each in (self.vpls, bright)
-        )
-        return RadiosityLight(made, volume, EvenLight(cells.light(even), few))
+        few = self._on_device(bright) if len(bright) else None
+        return RadiosityLight(made, volume, EvenLight(cells().light(even), few))
+
+    def _on_device(self, lights: Vpls) -> WorldVpls:
+        return WorldVpls(self.runtime, lights, self._device.camera.position)
 
     def _by_rays(
         self, rays: SurfelRays, lights: Sequence[PunctualLight], ways: Doubles, solid: Doubles, radiance: Doubles
@@ -259,7 +264,7 @@ class Radiosity(Prepared[RadiosityParams]):
         def bounce(number: int, before: Doubles) -> Doubles:
             if number == 1:
                 return source
-            return source + rays.bounce(self._cells.light(weight * before))
+            return source + rays.bounce(self._cells().light(weight * before))
 
         return self._bounced(weight, bounce), direct
 

@@ -327,7 +327,7 @@ def reflections(
             lights=lights,
             shadows=shadows,
             occupancy=grid.fill_scene(device_scene(scene, runtime), camera.view, half, -half, half),
-            volume=surfaces.run(scene, lights, rsms=maps).volume,
+            volume=surfaces.run(scene, lights, rsms=maps).volume(),
             scene=scene,
         )
         return np.ascontiguousarray(np.moveaxis(planes["radiance"].download(), 0, -1))

@@ -115,8 +115,8 @@ def test_in_a_room_it_is_the_mean_radiance_of_its_surfaces(runtime: Runtime) -> 
     built = BUILTIN_SCENES["hall"]()
     scene = built.scene
     radiosity, sky = Radiosity(runtime, RadiosityParams(surfels=512)), Environment(2.0)
-    volume = radiosity.run(scene, [sky]).volume
-    assert radiosity.run(scene, [sky]).volume is volume
+    volume = radiosity.run(scene, [sky]).volume()
+    assert radiosity.run(scene, [sky]).volume() is volume
     vpls = radiosity.vpls
     assert vpls is not None
     assert vpls.parts is not None
@@ -137,7 +137,7 @@ def test_light_of_maps_that_surfaces_reflect_straight_is_in_it(runtime: Runtime)
     drawn = rsm(built.scene, spot, size=64, runtime=runtime)
     (seen,) = on_device_rsms([drawn], runtime)
     radiosity = Radiosity(runtime, RadiosityParams(surfels=512, bounces=1))
-    volume, vpls = radiosity.run(built.scene, [], rsms=[seen]).volume, radiosity.vpls
+    volume, vpls = radiosity.run(built.scene, [], rsms=[seen]).volume(), radiosity.vpls
     assert vpls is not None
     area = volume.records[..., 3:].astype(np.float64)
     total = float((volume.records[..., :3] * area)[area[..., 0] > 2 * FAINT].sum())

@@ -71,7 +71,7 @@ class WholeFrameParams(Params):
     rays: int = param(
         64,
         "over the hemisphere of each point at which light of surfels is gathered, the largest square up to it; in "
-        "scenes of up to 65,536 triangles without holes",
+        "scenes without holes",
         low=4,
         high=4096,
     )

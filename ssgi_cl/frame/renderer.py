@@ -31,7 +31,7 @@ from ssgi_cl.frame.result import Frame
 from ssgi_cl.rasterize.raster.view import downloaded
 from ssgi_cl.rasterize.raster.visible_extent import visible_extent
 from ssgi_cl.techniques.ao.slices import SliceParams
-from ssgi_cl.techniques.occupancy.scene_rays import why_grid
+from ssgi_cl.techniques.occupancy.scene_rays import rays_meet_triangles
 
 MADE_OF = {
     "image": {of.RADIANCE, of.EXPOSURE, of.IMAGE},
@@ -180,10 +180,9 @@ class Renderer:
             split, suns = lights_with_suns(lights)
             if suns:
                 self.runtime.skip("suns", suns, 0.0)
-            if (why := why_grid(casting)) is not None:
-                self.runtime.skip(
-                    "rays against triangles", f"{why}: rays of bounces go through the occupancy grid", 0.0
-                )
+            if not rays_meet_triangles(casting):
+                why = "a texture's alpha cuts holes into the scene: rays of bounces go through the occupancy grid"
+                self.runtime.skip("rays against triangles", why, 0.0)
         occlusion, bounce = params.techniques(radius)
         return {
             of.SCENE: scene,

@@ -111,18 +111,40 @@ def test_the_sky_is_hidden_at_any_distance(runtime: Runtime) -> None:
     assert seen.mean() < 1.6 * direct
 
 
-@pytest.mark.parametrize("kind", ["enclosed", "open", "many triangles"])
+@pytest.mark.parametrize("bounces", [1, "all"])
+def test_rays_find_the_first_bounce_in_scenes_of_many_triangles(
+    runtime: Runtime, monkeypatch: pytest.MonkeyPatch, bounces: int | str
+) -> None:
+    """In a closed room it has the flux that virtual point lights carry: pi E = albedo times what the light sends."""
+    lights = (gi.SpotLight((0.0, 0.0, 0.9), (0.0, 0.0, -1.0), 1.0, 3.0),)
+    given: dict[str, Any] = {"preset": "medium", "outputs": ["indirect"], "bounces": bounces, "runtime": runtime}
+    frames = []
+    for most in (scene_rays.MOST_TRIANGLES, 1):
+        monkeypatch.setattr(scene_rays, "MOST_TRIANGLES", most)
+        frames.append(gi.render(replace(cube(0.5)), inside(64, 48), lights, **given))
+    lit, found = (np.asarray(frame.indirect).astype(np.float64) for frame in frames)
+    assert {"bilateral_blur", "shade_list"} & {entry.name for entry in frames[0].passes if not entry.skipped} == {
+        "shade_list"
+    }
+    assert "bilateral_blur" in {entry.name for entry in frames[1].passes if not entry.skipped}
+    # Of light that is alike in 64 x 48 pixels; the volume's cells are 1/32 of the room.
+    assert found.mean() == pytest.approx(lit.mean(), rel=0.03)
+    assert np.abs(found - lit).mean() < 0.06 * lit.mean()
+
+
+@pytest.mark.parametrize("kind", ["enclosed", "open", "holes"])
 def test_radiance_is_the_sum_of_its_parts_dimmed_by_contacts_within_two_cells(
     runtime: Runtime, monkeypatch: pytest.MonkeyPatch, kind: str
 ) -> None:
     """Albedo / pi (E_sky + E_bounces) where rays find all blockers. With depth maps, the sky is dimmed by A of two
-    cells of the occupancy grid; of scenes of so many triangles that rays go through it, bounces are by min(2 A, 1)."""
-    many = kind == "many triangles"
-    if many:
-        monkeypatch.setattr(scene_rays, "MOST_TRIANGLES", 1)
+    cells of the occupancy grid; of scenes with holes, where rays go through it, bounces are by min(2 A, 1)."""
+    holes = kind == "holes"
     if kind == "enclosed":
         monkeypatch.setattr(enclosed, "OPEN", 0.25)
     scene = cube(0.5, 0.0, sides=5)
+    if holes:
+        cut = replace(scene.materials[0], texture=0, alpha_cutoff=0.5)
+        scene = replace(scene, materials=(cut,), textures=(np.full((1, 1, 4), 255, np.uint8),))
     camera = gi.Camera.look_at((-0.7, -0.7, 0.2), (-1.0, -1.0, 0.0), yfov=0.5, width=64, height=48)  # of an edge
     whole = FrameParams(preset="medium").whole
     assert whole is not None
@@ -135,9 +157,7 @@ def test_radiance_is_the_sum_of_its_parts_dimmed_by_contacts_within_two_cells(
     frame = gi.render(scene, camera, [SKY], **given)
     why = [entry.skipped for entry in frame.passes if entry.name == "rays against triangles"]
     assert why == (
-        [f"the scene has {len(scene.triangles)} triangles, more than 1: rays of bounces go through the occupancy grid"]
-        if many
-        else []
+        ["a texture's alpha cuts holes into the scene: rays of bounces go through the occupancy grid"] if holes else []
     )
     assert frame.ao is not None
     assert frame.indirect is not None
@@ -150,7 +170,7 @@ def test_radiance_is_the_sum_of_its_parts_dimmed_by_contacts_within_two_cells(
         sky = gi.sampled_lights(
             gbuffer, [SKY], scene=scene, directions=whole.directions, map_size=whole.map_size, runtime=runtime
         )
-        dimmed = a * sky + (np.minimum(2.0 * a, 1.0) if many else 1.0) * frame.indirect
+        dimmed = a * sky + (np.minimum(2.0 * a, 1.0) if holes else 1.0) * frame.indirect
     there = np.isfinite(np.asarray(gbuffer.depth)) & (sky.max(axis=-1) > 0.0)
     expected = 0.5 / math.pi * dimmed
     assert there.mean() > 0.5

@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 from ssgi_cl.device.arrays import Plane
 from ssgi_cl.frame.passes import resources as of
 from ssgi_cl.frame.passes.build import Build
 from ssgi_cl.frame.stage import Declared, Stage
 from ssgi_cl.rasterize.raster.view import device_scene
+from ssgi_cl.techniques.filters.bilateral import Bilateral, BilateralParams
 from ssgi_cl.techniques.multires.multires_splat import MultiresSplat, MultiresSplatParams
 from ssgi_cl.techniques.occupancy.occupancy_grid import MOST_CELLS, Occupancy
-from ssgi_cl.techniques.occupancy.scene_rays import rays_meet_triangles
+from ssgi_cl.techniques.occupancy.scene_rays import rays_carry_first_bounce, rays_meet_triangles
 
 SURFEL_CAPACITY = 3
 """Most lights that radiosity returns, as a multiple of the surfels asked for."""
+GRAIN = BilateralParams(radius=4, sigma=3.0)
+"""The blur of what rays find of sunlit patches, where no lights carry it: points of small surfaces have few rays.
+FLIP of hall falls from .130 to .125, that of workshop stays."""
 
 
 def gather(build: Build) -> Stage:
-    """Return the pass: virtual point lights carry the first bounce of punctual lights, surfels all else."""
+    """Return the pass: virtual point lights carry the first bounce of punctual lights where triangles
+    are few, surfels all else."""
     whole, runtime = build.whole, build.runtime
     splat = MultiresSplat(
         runtime,
@@ -27,22 +34,25 @@ def gather(build: Build) -> Stage:
         surfels=SURFEL_CAPACITY * whole.surfels,
         rays=whole.rays,
     )
+    smooth = cache(lambda: Bilateral(runtime, build.size, GRAIN, 3))
 
     def run(r: Declared) -> tuple[Plane, Occupancy | None]:
         maps, seen, casting = r[of.RSM], r[of.GBUFFER], r[of.CASTING]
         exact = rays_meet_triangles(casting)
+        by_rays = rays_carry_first_bounce(casting)
         found = splat.gather(
             seen,
-            rsms=[] if maps is None else [maps],
+            rsms=[] if maps is None or by_rays else [maps],
             scene=None if exact else device_scene(casting, runtime),
             blockers=casting if exact else None,
             surfels=None if exact else r[of.SURFELS],
             even=r[of.EVEN_LIGHT] if exact else None,
             other_light=[plane for plane in (r[of.SKY_LIGHT], r[of.DIRECT]) if plane is not None],
         )
-        if found.occupancy is None and seen.mirrors:
-            return found.irradiance, splat.block(seen, casting)
-        return found.irradiance, found.occupancy
+        blocked = found.occupancy
+        if blocked is None and seen.mirrors:
+            blocked = splat.block(seen, casting)
+        return smooth().run(seen, found.irradiance) if by_rays else found.irradiance, blocked
 
     return Stage(
         name="bounce",

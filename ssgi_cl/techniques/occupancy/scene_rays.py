@@ -18,21 +18,19 @@ LIFT = 2.0**-13
 positions that are found from depth."""
 
 MOST_TRIANGLES = 1 << 16
-"""Of a scene in whose whole frames rays meet triangles. With more they take two to three times as long as through the
-occupancy grid, whose cells, 1/122 of the scene's longest side, err less where a scene is large."""
+"""Of a scene in whose whole frames virtual point lights carry the first bounce of punctual lights. With more, each ray
+to a light takes long, and what rays over hemispheres meet tells of that bounce as well."""
 
 
 def rays_meet_triangles(scene: Scene) -> bool:
-    """Return whether rays of bounces meet the triangles of a scene, and not the cells of the occupancy grid: there are
-    no more than `MOST_TRIANGLES`, and none has holes, which the grid knows."""
-    return why_grid(scene) is None
+    """Return whether rays of bounces meet the triangles of a scene, and not the cells of the occupancy grid: none has
+    holes, which the grid knows."""
+    return not scene.has_holes
 
 
-def why_grid(scene: Scene) -> str | None:
-    """Return why rays of bounces go through the occupancy grid; None where they meet the triangles."""
-    if len(scene.triangles) > MOST_TRIANGLES:
-        return f"the scene has {len(scene.triangles):,} triangles, more than {MOST_TRIANGLES:,}"
-    return "a texture's alpha cuts holes into the scene" if scene.has_holes else None
+def rays_carry_first_bounce(scene: Scene) -> bool:
+    """Return whether rays over hemispheres find the first bounce of punctual lights, without virtual point lights."""
+    return rays_meet_triangles(scene) and len(scene.triangles) > MOST_TRIANGLES
 
 
 class SceneRays:

@@ -21,7 +21,7 @@ from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.techniques.direct.shadow_maps import checked_lights
 from ssgi_cl.techniques.occupancy.occupancy_grid import GRIDS
-from ssgi_cl.techniques.occupancy.scene_rays import rays_meet_triangles
+from ssgi_cl.techniques.occupancy.scene_rays import rays_carry_first_bounce, rays_meet_triangles
 from ssgi_cl.techniques.radiosity.even_light import EvenLight, even_and_bright
 from ssgi_cl.techniques.radiosity.light_volume import CELLS, LightVolume, Pieces, SurfaceCells
 from ssgi_cl.techniques.radiosity.sky_directions import sky_directions
@@ -59,7 +59,7 @@ class RadiosityParams(Params):
 
     surfels: int = param(
         2048,
-        "pieces that surfaces are divided into, about; twice as many in scenes of up to 65,536 triangles without holes",
+        "pieces that surfaces are divided into, about; twice as many in scenes without holes",
         low=16,
         high=1 << 14,
     )
@@ -109,14 +109,15 @@ class RadiosityLight(NamedTuple):
     volume: Callable[[], LightVolume]
     """Returns all of it, emission included; computed by the first call, as few frames mirror surfaces."""
     even: EvenLight | None
-    """That of `lights`, where rays meet triangles; None in other scenes, and where it is black."""
+    """That of `lights`, and in scenes of many triangles the first bounce, too, where rays meet triangles; None in other
+    scenes, and where it is black."""
 
 
 class Radiosity(Prepared[RadiosityParams]):
     """Virtual point lights that send all light but what lights from maps send.
 
     After Goral et al. 1984, "Modeling the Interaction of Light Between Diffuse Surfaces". Departs: surfels for patches.
-    In scenes of up to 65,536 triangles without holes, light from surface to surface is found by rays over the
+    In scenes without holes, light from surface to surface is found by rays over the
     hemispheres of surfels' parts, whose hits look up the mean radiance of a cell (`SurfelRays`); no form factors are
     computed. In others a pair of surfels has a form factor and one ray through the occupancy grid, and rows of form
     factors sum to what the sky leaves of a hemisphere. Surfaces reflect and emit on both sides.
@@ -206,6 +207,7 @@ class Radiosity(Prepared[RadiosityParams]):
         low, extent = device.camera.position - device.half, 2.0 * device.half
         surfels = device.surfels
         pieces = _parts(surfels) if len(surfels) or records is None else self._of_maps(records)[0]
+        self._first_by_rays = rays_carry_first_bounce(scene)
         self._rays = shown = None
         if exact and len(surfels):
             shown = open_shares(runtime, scene, surfels, OPEN_CELLS * extent / CELLS)
@@ -232,18 +234,18 @@ class Radiosity(Prepared[RadiosityParams]):
             received, direct = self._by_pairs(ways, solid, radiance, records), None
             also = None if records is None else self._of_maps(records)
         shown = sent(surfels, received, emission=True)
+        everything = sent(surfels, received, emission=self.params.emission)
         if direct is not None:
             received = received - direct
         self.irradiance = surfels.mean_of_parts(received)
         reflected = sent(surfels, received, emission=self.params.emission)
         self.vpls = _without(reflected, self._hidden)
         volume = cache(lambda: cells().light(_flux(shown), also))
-        if not self.vpls.flux.any():
-            return RadiosityLight(None, volume, None)
-        made = self._on_device(self.vpls)
-        if self._rays is None:
+        made = self._on_device(self.vpls) if self.vpls.flux.any() else None
+        gathered = everything if self._first_by_rays else reflected
+        if self._rays is None or not gathered.flux.any():
             return RadiosityLight(made, volume, None)
-        even, bright = even_and_bright(reflected, self._hidden)
+        even, bright = even_and_bright(gathered, self._hidden)
         few = self._on_device(bright) if len(bright) else None
         return RadiosityLight(made, volume, EvenLight(cells().light(even), few))
 

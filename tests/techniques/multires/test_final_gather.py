@@ -90,7 +90,11 @@ def test_the_size_of_the_scene_does_not_matter(runtime: Runtime, scale: float) -
     np.testing.assert_allclose(image, math.pi, rtol=2e-6)
 
 
-def test_what_rays_find_is_what_float64_finds(variant_runtime: Runtime, rng: np.random.Generator) -> None:
+@pytest.mark.parametrize(("coarsest", "rays"), [(1, 9), (2, 16)])
+def test_what_rays_find_is_what_float64_finds(
+    variant_runtime: Runtime, rng: np.random.Generator, coarsest: int, rays: int
+) -> None:
+    """Points of the second level have .77 times the rays of the coarsest one, whose points are smoothed."""
     runtime, shift = variant_runtime, np.array((30.0, 0.0, -20.0))
     triangles = rng.uniform(-0.7, 0.7, (12, 1, 3)) + rng.uniform(-0.3, 0.3, (12, 3, 3))
     walls = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float64)
@@ -101,8 +105,12 @@ def test_what_rays_find_is_what_float64_finds(variant_runtime: Runtime, rng: np.
     camera = gi.Camera.look_at(shift + np.array((0.3, 0.2, 3.0)), shift, yfov=0.6, width=19, height=13)
     cells = (CELLS, CELLS, CELLS, FACES)
     volume = volume_of(rng.uniform(0.0, 1.0, (*cells, 3)), rng.uniform(0.1, 1.0, cells), shift)
-    seen, image = found(runtime, scene, camera, EvenLight(volume, None), 9, coarsest=1, interpolation_error=0.0)
+    seen, image = found(
+        runtime, scene, camera, EvenLight(volume, None), rays, coarsest=coarsest, interpolation_error=0.0
+    )
     there = np.isfinite(np.asarray(seen.depth))
+    if coarsest > 1:
+        there[::coarsest, ::coarsest] = False
     normal = (view_normals(SurfaceView.of(seen), seen.first("normal")) @ camera.view[:3, :3])[there]
     start = camera.unproject(np.asarray(seen.depth, np.float64))[there]
     lift = LIFT * float(np.linalg.norm(np.ptp(scene.bounds, axis=0)))

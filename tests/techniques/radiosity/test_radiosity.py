@@ -249,7 +249,7 @@ def test_bounces_add_up(runtime: Runtime) -> None:
 
 @pytest.fixture
 def by_pairs(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Form factors of pairs, as in scenes of many triangles."""
+    """Form factors of pairs, as in scenes with holes."""
     monkeypatch.setattr(radiosity_module, "rays_meet_triangles", lambda scene: False)
 
 

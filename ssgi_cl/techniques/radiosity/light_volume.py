@@ -93,8 +93,6 @@ class SurfaceCells:
     def __init__(
         self, lit: Pieces, low: Doubles, extent: float, unlit: Pieces | None = None, shown: Doubles | None = None
     ) -> None:
-        from scipy import ndimage  # takes a fifth of a second, which other commands do without
-
         self.low, self.extent = low, extent
         self._shown = np.ones(len(lit.area)) if shown is None else np.maximum(shown, LEAST_SHOWN)
         dark = Pieces.none() if unlit is None else unlit
@@ -105,9 +103,7 @@ class SurfaceCells:
         there[0] |= not there.any()
         place = np.flatnonzero(there)
         number = np.cumsum(there) - 1
-        nearest = ndimage.distance_transform_edt(
-            ~there.reshape(shape), return_distances=False, return_indices=True
-        ).reshape(3, -1)
+        nearest = _nearest(there)
         self.cells = number[np.ravel_multi_index(tuple(nearest), shape)].astype(np.int32).reshape(shape)
         self._slots = _Slots.of(number[own], lit.normal)
         black = _Slots.of(number[others], dark.normal).sums(dark.area, len(place))
@@ -119,11 +115,17 @@ class SurfaceCells:
             area[~known, face] = 0.0
             if known.all():
                 continue
-            away, nearest = self._nearest(place, known)
-            alone = (away > NEAR) & (black[:, face] > 0.0)
+            alone = black[:, face] > 0.0
+            if known.any():
+                there = np.zeros(CELLS**3, np.bool_)
+                there[place[known]] = True
+                nearest = _nearest(there)[:, place]
+                away = np.stack(np.unravel_index(place, shape)) - nearest
+                alone &= (away**2).sum(axis=0) > NEAR**2
+                given = ~known & ~alone
+                found = number[np.ravel_multi_index(tuple(nearest[:, given]), shape)]
+                self._near[given, face] = found * FACES + face
             area[alone, face] = black[alone, face]
-            given = ~known & ~alone & np.isfinite(away)
-            self._near[given, face] = number[nearest[given]] * FACES + face
         self._area = area
         self._seen = self._slots.sums(lit.area * self._shown, len(place))
         self.area = np.maximum(area / self.side**2, FAINT)
@@ -157,18 +159,15 @@ class SurfaceCells:
         found: NDArray[np.intp] = (z * CELLS + y) * CELLS + x
         return found
 
-    @staticmethod
-    def _nearest(place: NDArray[np.intp], known: NDArray[np.bool_]) -> tuple[Doubles, NDArray[np.intp]]:
-        """Return [records] how many cells away the nearest is that is known, infinite where none is, and its cell."""
-        from scipy import ndimage
 
-        if not known.any():
-            return np.full(len(place), np.inf), place
-        shape = (CELLS, CELLS, CELLS)
-        grid = np.ones(CELLS**3, np.bool_)
-        grid[place[known]] = False
-        away, found = ndimage.distance_transform_edt(grid.reshape(shape), return_indices=True)
-        return away.ravel()[place], np.ravel_multi_index(tuple(found.reshape(3, -1)[:, place]), shape)
+def _nearest(there: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """Return [3, cells] the z, y and x of the nearest of the cells that are there, for each."""
+    from scipy import ndimage  # takes a fifth of a second, which other commands do without
+
+    shape = (CELLS, CELLS, CELLS)
+    grid = ~there.reshape(shape)
+    found: NDArray[np.int32] = ndimage.distance_transform_edt(grid, return_distances=False, return_indices=True)
+    return found.reshape(3, -1)
 
 
 @dataclass(frozen=True, eq=False)

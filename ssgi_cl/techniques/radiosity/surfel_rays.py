@@ -197,10 +197,12 @@ class SurfelRays:
 
     def _drawn(self, surfels: Surfels) -> NDArray[np.int32]:
         """Return [PLACES, parts and padding] numbers of parts that emit, in proportion to their power."""
-        ends = np.cumsum(surfels.part_area * (surfels.part_emission @ LUMINANCE))
+        power = surfels.part_area * (surfels.part_emission @ LUMINANCE)
+        emitting = np.flatnonzero(power)
+        ends = np.cumsum(power[emitting])
         wanted = np.mod(r_points(0, self._stride, 1)[:, 0] + np.arange(PLACES)[:, None] / PLACES, 1.0)
         number = np.searchsorted(ends, wanted * ends[-1], "right")
-        drawn: NDArray[np.int32] = np.minimum(number, self._count - 1).astype(np.int32)
+        drawn: NDArray[np.int32] = emitting.astype(np.int32)[np.minimum(number, len(emitting) - 1)]
         return drawn
 
     def _light(self, light: PunctualLight) -> list[float]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer
-from ssgi_cl.core.names import BlurResolution, Resolution
+from ssgi_cl.core.names import BlurResolution, Preset, Resolution
 from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import Plane, Size, plane_bytes
@@ -72,6 +72,16 @@ class OcclusionKeywords(TypedDict, total=False):
     blur_radius: int
     blur_passes: int
     blur_resolution: BlurResolution
+
+
+class AskedKeywords(TypedDict, total=False):
+    """What the techniques' functions take beside parameters."""
+
+    preset: Preset | None
+    error: float | None
+    budget_ms: float | None
+    max_memory: int | None
+    runtime: Runtime | None
 
 
 class OcclusionTechnique(Prepared[Any], ABC):

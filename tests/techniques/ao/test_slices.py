@@ -12,7 +12,7 @@ from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.device.constants import SLICES_STRIP
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.techniques.ao.bitmask_ao import BitmaskAo
+from ssgi_cl.techniques.ao.bitmask import BitmaskAo
 from ssgi_cl.techniques.ao.slices import SliceParams, pattern
 
 from ...closed_forms import hidden_by_wall

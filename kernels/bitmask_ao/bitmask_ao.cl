@@ -46,7 +46,8 @@ SSGI_INLINE void bitmask_slice(ssgi_plane inv_depth, const SsgiReceiver *receive
     bitmask_taps(receiver, slice, centre, params, &taps, &path);
     ssgi_ask_taps(inv_depth, receiver, &taps, path.every, SLICES_DEEPER);
     surfaces->measure = bitmask_measure(slice);
-    surfaces->covered = v_splat_int(0);
+    surfaces->covered = surfaces->held = surfaces->held_from = v_splat_int(0);
+    surfaces->held_f = surfaces->held_x = surfaces->held_y = v_splat(0.0f);
     SsgiReceiver sided = *receiver;
 #pragma unroll 1
     for (int side = 0; side < 2; ++side) {
@@ -68,7 +69,7 @@ SSGI_INLINE void bitmask_slice(ssgi_plane inv_depth, const SsgiReceiver *receive
                     bitmask_tap(inv_depth, &sided, slice, &tap, side, layer, surfaces);
                 }
                 if (layer < SLICES_THICKNESS) {
-                    bitmask_solid(inv_depth, &sided, slice, &tap, surfaces->last.sector, has_front,
+                    bitmask_solid(inv_depth, &sided, slice, &tap, surfaces->last.from, has_front,
                                   side, layer, surfaces);
                 }
             }
@@ -76,6 +77,7 @@ SSGI_INLINE void bitmask_slice(ssgi_plane inv_depth, const SsgiReceiver *receive
                 bitmask_end(inv_depth, &sided, slice, side, layer, params, surfaces);
             }
         }
+        bitmask_release(&sided, slice, side, surfaces);
         ssgi_mirror(&sided);
     }
 }

@@ -52,6 +52,8 @@ def test_bayers_matrix_is_the_one_that_textbooks_print() -> None:
         BitmaskParams(joined=False, taps=5),
         GtaoParams(frame=1),
         BitmaskParams(slices=1, frame=1000),
+        BitmaskParams(checkerboard=True),
+        GtaoParams(checkerboard=True, slices=3, frame=2),
     ],
 )
 def test_slices_turn_and_taps_shift_as_hammersleys_points_say(params: SliceParams) -> None:

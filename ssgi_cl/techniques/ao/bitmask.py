@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 from ssgi_cl.core.params import param
-from ssgi_cl.techniques.ao.slices import SliceKeywords, SliceParams, SliceTechnique
+from ssgi_cl.techniques.ao.slices import ScanParams, SliceKeywords, SliceTechnique
 from ssgi_cl.techniques.filters.bilateral import BilateralParams
 
 SECTORS = ("cosine", "angle")
@@ -21,7 +21,7 @@ JOINED_SIGMA = 0.4
 
 
 @dataclass(frozen=True, kw_only=True)
-class BitmaskParams(SliceParams):
+class BitmaskParams(ScanParams):
     """Parameters of the visibility bitmask (Therrien et al. 2023).
 
     Joined taps find less between them than a horizon does: 14 a side come within a tenth of what

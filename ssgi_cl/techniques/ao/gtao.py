@@ -27,8 +27,8 @@ from ssgi_cl.techniques.ao.slices import (
     PRESET_LAYERS,
     TILE,
     TUNABLE,
+    ScanParams,
     SliceKeywords,
-    SliceParams,
     SliceTechnique,
     slice_reach,
 )
@@ -42,7 +42,7 @@ what repeats every 4 pixels cancels out: 1 - 2 / 2 = 0."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class GtaoParams(SliceParams):
+class GtaoParams(ScanParams):
     """Parameters of GTAO (Jimenez et al. 2016; XeGTAO, Intel 2021).
 
     XeGTAO's High setting for a radius r is radius=1.457 * r, slices=3, taps=3 (it counts the taps

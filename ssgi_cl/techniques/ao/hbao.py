@@ -18,13 +18,13 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.techniques.ao.confidence import confident_plan, with_confidence
 from ssgi_cl.techniques.ao.occlusion import AskedKeywords, made_for
-from ssgi_cl.techniques.ao.slices import PRESET_LAYERS, TUNABLE, SliceKeywords, SliceParams, SliceTechnique, slice_reach
+from ssgi_cl.techniques.ao.slices import PRESET_LAYERS, TUNABLE, ScanParams, SliceKeywords, SliceTechnique, slice_reach
 from ssgi_cl.techniques.bands import banded
 from ssgi_cl.techniques.technique import Bench, Technique
 
 
 @dataclass(frozen=True, kw_only=True)
-class HbaoParams(SliceParams):
+class HbaoParams(ScanParams):
     """Parameters of HBAO (Bavoil and Sainz 2008); a slice is two opposite directions.
 
     As published the attenuation is 1. The default was chosen on generated scenes: the RMSE against

@@ -58,6 +58,11 @@ class OcclusionParams(Params):
         return 1
 
     @property
+    def halved(self) -> bool:
+        """Whether every other pixel is computed, as on a checkerboard, and the blur finds the others."""
+        return False
+
+    @property
     def blur(self) -> BilateralParams:
         """Parameters of the blur of A."""
         step = RESOLUTIONS[self.resolution] if self.blur_resolution == "own" else 1
@@ -119,7 +124,9 @@ class OcclusionTechnique(Prepared[Any], ABC):
             blur = replace(blur, passes=blur.passes - 1)
         elif step > 1:
             self._upsample = Upsample(runtime, size, UpsampleParams(step=step, background=1.0), channels, kept=not late)
-        self._blur = Bilateral(runtime, size if late else coarse, blur, channels, kept=late or step == 1)
+        self._blur = Bilateral(
+            runtime, size if late else coarse, blur, channels, kept=late or step == 1, checkerboard=params.halved
+        )
         self._blur_first = not late
         last = step == 1 and not self._blur.active
         self._visibility = Target(runtime, channels, coarse, 1.0, kept=last)

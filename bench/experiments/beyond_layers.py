@@ -1,4 +1,4 @@
-"""What lowers the error below that of depth layers, and its time: `python -m ssgi_cl.bench.experiments.beyond_layers`."""
+"""Rays where depth layers do not know, and their time: `python -m ssgi_cl.bench.experiments.beyond_layers --help`."""
 
 from __future__ import annotations
 

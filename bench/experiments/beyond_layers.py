@@ -34,7 +34,8 @@ OVERSCAN = 0.1
 """Of several layers."""
 RAYS = (1, 4)
 """Of every pixel, blurred."""
-BLUR = {"radius": 3, "depth_sigma": 0.002}
+BLUR_RADIUS, BLUR_DEPTH_SIGMA = 3, 0.002
+"""Of the blur of rays, as techniques have it."""
 SHARE = 0.1
 """Of the pixels, at most, that rays are cast for, those of the least confidence."""
 RAYS_THERE = (8, 16, 64)
@@ -102,7 +103,11 @@ def ways(context: Context, runs: int) -> list[Way]:
     for rays in RAYS:
         a, ms = timed(
             lambda rays=rays: bilateral_blur(  # type: ignore[misc]
-                rays_for(context, single, None, rays), single, runtime=runtime, **BLUR
+                rays_for(context, single, None, rays),
+                single,
+                radius=BLUR_RADIUS,
+                depth_sigma=BLUR_DEPTH_SIGMA,
+                runtime=runtime,
             ),
             runs,
         )

@@ -132,7 +132,7 @@ def ao(
         preset: "low", "medium", "high" or "ultra": the least expected error in at most 1, 2, 4 or 32 times
             the device time of GTAO's defaults; of a scene, with 1, 2, 4 and 4 layers. By default "medium".
         error: RMSE against cast rays, > 0: the fastest setting that is expected to err no more. It is a
-            geometric mean over recorded scenes: single ones err up to twice as much.
+            geometric mean over recorded scenes: single ones err up to 2.3 times as much.
         budget_ms: milliseconds, > 0, of the wall clock from the call to its result in host memory: uploads,
             drawing and download count. Of the settings that keep it on this device, that of the least
             expected error is chosen. The first call for a size, a scene or a budget compiles and measures,

@@ -21,6 +21,7 @@
 // Macros:  SLICES_COUNT, SLICES_TAPS, SLICES_LAYERS (>= 1), SLICES_DEEPER (1..SLICES_TAPS),
 //          SLICES_THICKNESS: layers, from the front, whose thickness follows behind all;
 //          BITMASK_ANGLE, BITMASK_JOINED, SLICES_NEXT (0, 1)
+//          SLICES_CHECKERBOARD (0, 1): pixels of even row + column alone
 // Launch:  every fourth of 4 SSGI_LANES pixels of a row per work-item, see common/scan.clh
 // Cost:    2 * SLICES_COUNT * (SLICES_TAPS + SLICES_DEEPER * (SLICES_LAYERS - 1)) reads per pixel,
 //          fewer where several taps lie in one pixel

@@ -42,13 +42,11 @@
 #error "BLUR_RADIUS reaches beyond the guard of a plane"
 #endif
 
+#if BLUR_CHECKERBOARD
 // Has a pixel, or each lane's, a value? Along rows those of even row + column have, along columns
 // all but those that nothing in the row fits.
 static inline vmask blur_has_value(const vfloat first, const vint column, const int row)
 {
-    if (!BLUR_CHECKERBOARD) {
-        return v_splat_int(-1);
-    }
     if (BLUR_SHAPE == 0) {
         return v_ieq((column + row) & 1, v_splat_int(0));
     }
@@ -74,6 +72,7 @@ static inline vfloat blur_instead(ssgi_plane value, const vfloat own, const int2
     const vfloat mean = v_select(image == 0 ? one : zero, sum / v_max(count, one), left | right);
     return image == 0 ? -1.0f - mean : mean;
 }
+#endif
 
 __kernel void bilateral_blur(ssgi_plane value, ssgi_plane linear, ssgi_plane normal,
                              __global const float *restrict weights,

@@ -28,7 +28,7 @@ OVERSCAN = 0.1
 MESH_VIEWS = ("sponza", "country_kitchen", "veach_ajar")
 """Names of the views of meshes that errors are reported on, files in docs/views."""
 
-_VIEWS = Path(__file__).resolve().parent.parent / "docs" / "views"
+VIEWS = Path(__file__).resolve().parent.parent / "docs" / "views"
 
 
 class SceneSets:
@@ -58,7 +58,7 @@ class SceneSets:
         kinds: Sequence[str] | None = None,
         progress: Progress | None = None,
     ) -> None:
-        files = [] if meshes is None else [str(_VIEWS / f"{name}.json") for name in MESH_VIEWS]
+        files = [] if meshes is None else [str(VIEWS / f"{name}.json") for name in MESH_VIEWS]
         names: dict[str, Sequence[str]] = {
             "tuning": TUNED_ON,
             "validation": VALIDATED_ON,

@@ -47,8 +47,8 @@ from .rasterize.raster.default_camera import default_lights as default_lights
 from .rasterize.raster.shadow_map import shadow_maps as shadow_maps
 from .sequences.map_frames import map_frames as map_frames
 from .techniques.ao.ao import ao as ao
-from .techniques.ao.bitmask_ao import BitmaskAo as BitmaskAo
-from .techniques.ao.bitmask_ao import BitmaskParams as BitmaskParams
+from .techniques.ao.bitmask import BitmaskAo as BitmaskAo
+from .techniques.ao.bitmask import BitmaskParams as BitmaskParams
 from .techniques.ao.bitmask_ao import bitmask_ao as bitmask_ao
 from .techniques.ao.confidence import ao_confidence as ao_confidence
 from .techniques.ao.gtao import Gtao as Gtao

@@ -11,7 +11,7 @@ from typing import Any
 from ssgi_cl.core import checks
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.rasterize.raster.view import MOST_LAYERS, downloaded
-from ssgi_cl.techniques.ao.bitmask_ao import BitmaskAo
+from ssgi_cl.techniques.ao.bitmask import BitmaskAo
 from ssgi_cl.techniques.ao.gtao import Gtao, GtaoParams
 from ssgi_cl.techniques.ao.hbao import Hbao
 from ssgi_cl.techniques.ao.slices import SliceParams, SliceTechnique

@@ -17,7 +17,7 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.raster.rasterizer import Rasterizer
 from ssgi_cl.rasterize.raster.view import device_scene, downloaded, margin_of
 from ssgi_cl.rasterize.scenes import KINDS, make_scene
-from ssgi_cl.techniques.ao.bitmask_ao import BitmaskAo, BitmaskParams
+from ssgi_cl.techniques.ao.bitmask import BitmaskAo, BitmaskParams
 from ssgi_cl.truth import metrics
 from ssgi_cl.tuning.context import Context, TruthSettings
 from ssgi_cl.tuning.trials import geometric_mean

@@ -21,6 +21,7 @@
 // Macros:  SLICES_COUNT, SLICES_TAPS, SLICES_LAYERS (>= 1), SLICES_DEEPER (1..SLICES_TAPS),
 //          SLICES_THICKNESS: layers, from the front, whose thickness follows behind all;
 //          BITMASK_ANGLE, BITMASK_JOINED, SLICES_NEXT (0, 1)
+//          SLICES_CHECKERBOARD (0, 1): pixels of even row + column alone
 // Launch:  every fourth of 4 SSGI_LANES pixels of a row per work-item, see common/scan.clh
 // Cost:    2 * SLICES_COUNT * (SLICES_TAPS + SLICES_DEEPER * (SLICES_LAYERS - 1)) reads per pixel,
 //          fewer where several taps lie in one pixel
@@ -46,7 +47,8 @@ SSGI_INLINE void bitmask_slice(ssgi_plane inv_depth, const SsgiReceiver *receive
     bitmask_taps(receiver, slice, centre, params, &taps, &path);
     ssgi_ask_taps(inv_depth, receiver, &taps, path.every, SLICES_DEEPER);
     surfaces->measure = bitmask_measure(slice);
-    surfaces->covered = v_splat_int(0);
+    surfaces->covered = surfaces->held = surfaces->held_from = v_splat_int(0);
+    surfaces->held_f = surfaces->held_x = surfaces->held_y = v_splat(0.0f);
     SsgiReceiver sided = *receiver;
 #pragma unroll 1
     for (int side = 0; side < 2; ++side) {
@@ -68,7 +70,7 @@ SSGI_INLINE void bitmask_slice(ssgi_plane inv_depth, const SsgiReceiver *receive
                     bitmask_tap(inv_depth, &sided, slice, &tap, side, layer, surfaces);
                 }
                 if (layer < SLICES_THICKNESS) {
-                    bitmask_solid(inv_depth, &sided, slice, &tap, surfaces->last.sector, has_front,
+                    bitmask_solid(inv_depth, &sided, slice, &tap, surfaces->last.from, has_front,
                                   side, layer, surfaces);
                 }
             }
@@ -76,6 +78,7 @@ SSGI_INLINE void bitmask_slice(ssgi_plane inv_depth, const SsgiReceiver *receive
                 bitmask_end(inv_depth, &sided, slice, side, layer, params, surfaces);
             }
         }
+        bitmask_release(&sided, slice, side, surfaces);
         ssgi_mirror(&sided);
     }
 }

@@ -13,7 +13,11 @@
 // Writes:  blurred BLUR_COUNT x [rows, columns]; the value itself where nothing is
 // Macros:  BLUR_RADIUS (1..16), BLUR_COUNT (1..4),
 //          BLUR_SHAPE (0 along rows, 1 along columns, 2 the full square),
-//          BLUR_ROWS of a work-item, which share what is read; 1 unless BLUR_SHAPE is 1
+//          BLUR_ROWS of a work-item, which share what is read; 1 unless BLUR_SHAPE is 1;
+//          BLUR_CHECKERBOARD (0, 1; BLUR_SHAPE 0 and 1): along rows, values are on the pixels of
+//          even row + column alone, image 0 from 0 to 1; it is 1, and others 0, where nothing is.
+//          Pixels between that nothing in the row fits are written as -1 less the mean of those
+//          beside them, which along columns counts if nothing fits there either
 // Launch:  SSGI_LANES pixels of BLUR_ROWS rows per work-item
 // Cost:    2 BLUR_RADIUS + 1 samples per pixel, squared for the full square; a sample of one image
 //          is 14 operations and 5 loads. On two cores with 16 lanes the rows are bound by the
@@ -27,11 +31,47 @@
 #include "common/gbuffer.clh"
 #include "common/surface.clh"
 
-#if !defined(BLUR_RADIUS) || !defined(BLUR_COUNT) || !defined(BLUR_SHAPE) || !defined(BLUR_ROWS)
-#error "BLUR_RADIUS, BLUR_COUNT, BLUR_SHAPE and BLUR_ROWS must be defined by the host"
+#if !defined(BLUR_RADIUS) || !defined(BLUR_COUNT) || !defined(BLUR_SHAPE) ||                       \
+    !defined(BLUR_ROWS) || !defined(BLUR_CHECKERBOARD)
+#error "BLUR_RADIUS, _COUNT, _SHAPE, _ROWS and _CHECKERBOARD must be defined by the host"
+#endif
+#if BLUR_CHECKERBOARD && BLUR_SHAPE == 2
+#error "a checkerboard is filled along rows, then columns"
 #endif
 #if BLUR_RADIUS > SSGI_GUARD
 #error "BLUR_RADIUS reaches beyond the guard of a plane"
+#endif
+
+#if BLUR_CHECKERBOARD
+// Has a pixel, or each lane's, a value? Along rows those of even row + column have, along columns
+// all but those that nothing in the row fits.
+static inline vmask blur_has_value(const vfloat first, const vint column, const int row)
+{
+    if (BLUR_SHAPE == 0) {
+        return v_ieq((column + row) & 1, v_splat_int(0));
+    }
+    return v_ge(first, v_splat(0.0f));
+}
+
+// What stands for a pixel between that nothing fits: along rows the mean of those beside it, as a
+// negative number in image 0; along columns what that was made of.
+static inline vfloat blur_instead(ssgi_plane value, const vfloat own, const int2 size,
+                                  const int image, const int x, const int y)
+{
+    const vfloat one = v_splat(1.0f);
+    if (BLUR_SHAPE == 1) {
+        return image == 0 ? -1.0f - own : own;
+    }
+    const vfloat zero = v_splat(0.0f);
+    const vint column = v_iota() + x;
+    const vmask left = v_igt(column, v_splat_int(0));
+    const vmask right = v_ilt(column, v_splat_int(size.x - 1));
+    const vfloat sum = v_select(zero, ssgi_load(value, size, image, x - 1, y), left) +
+                       v_select(zero, ssgi_load(value, size, image, x + 1, y), right);
+    const vfloat count = v_select(zero, one, left) + v_select(zero, one, right);
+    const vfloat mean = v_select(image == 0 ? one : zero, sum / v_max(count, one), left | right);
+    return image == 0 ? -1.0f - mean : mean;
+}
 #endif
 
 __kernel void bilateral_blur(ssgi_plane value, ssgi_plane linear, ssgi_plane normal,
@@ -74,6 +114,14 @@ __kernel void bilateral_blur(ssgi_plane value, ssgi_plane linear, ssgi_plane nor
         for (int c = 0; c < BLUR_COUNT; ++c) {
             sum[r][c] = ssgi_load(value, size, c, x, row);
         }
+#if BLUR_CHECKERBOARD
+        const vmask has = blur_has_value(sum[r][0], v_iota() + x, row);
+        total[r] = v_select(v_splat(0.0f), total[r], has);
+#pragma unroll
+        for (int c = 0; c < BLUR_COUNT; ++c) {
+            sum[r][c] = v_select(v_splat(0.0f), sum[r][c], has);
+        }
+#endif
     }
     // Beside the image, linear is INFINITY unless there is a margin; value is nothing in any case.
     const bool cut = params.margin_columns > 0 && (x < reach || x + SSGI_LANES + reach > size.x);
@@ -90,6 +138,11 @@ __kernel void bilateral_blur(ssgi_plane value, ssgi_plane linear, ssgi_plane nor
             const vfloat mx = ssgi_load(normal, whole, 0, at_x + dx, at_y + dy);
             const vfloat my = ssgi_load(normal, whole, 1, at_x + dx, at_y + dy);
             const vfloat mz = ssgi_load(normal, whole, 2, at_x + dx, at_y + dy);
+#if BLUR_CHECKERBOARD
+            const vmask has = blur_has_value(ssgi_load(value, size, 0, x + dx, y + dy),
+                                             v_iota() + (x + dx), y + dy);
+            u = v_select(v_splat(INFINITY), u, has);
+#endif
             if (cut) {
                 u = v_select(v_splat(INFINITY), u, v_within(v_iota() + (x + dx), size.x));
             }
@@ -104,7 +157,11 @@ __kernel void bilateral_blur(ssgi_plane value, ssgi_plane linear, ssgi_plane nor
                     near * ssgi_fit_weight(ssgi_fit(fit[r], off[r], u, mx, my, mz));
 #pragma unroll
                 for (int c = 0; c < BLUR_COUNT; ++c) {
-                    sum[r][c] = v_fma(weight, ssgi_load(value, size, c, x + dx, y + dy), sum[r][c]);
+                    vfloat other = ssgi_load(value, size, c, x + dx, y + dy);
+#if BLUR_CHECKERBOARD
+                    other = v_select(v_splat(0.0f), other, has);
+#endif
+                    sum[r][c] = v_fma(weight, other, sum[r][c]);
                 }
                 total[r] = total[r] + weight;
                 off[r] = off[r] + fit[r].off_x;
@@ -119,9 +176,14 @@ __kernel void bilateral_blur(ssgi_plane value, ssgi_plane linear, ssgi_plane nor
         const vmask there = v_lt(ssgi_load(linear, whole, 0, at_x, at_y + r), v_splat(INFINITY));
 #pragma unroll
         for (int c = 0; c < BLUR_COUNT; ++c) {
-            const vfloat own = ssgi_load(value, size, c, x, y + r);
-            ssgi_store(v_select(own, sum[r][c] / total[r], there), blurred, size, c, x, y + r,
-                       0.0f);
+            vfloat own = ssgi_load(value, size, c, x, y + r);
+            vfloat mean = sum[r][c] / total[r];
+#if BLUR_CHECKERBOARD
+            const vmask fitted = v_gt(total[r], v_splat(0.0f));
+            mean = v_select(blur_instead(value, own, size, c, x, y + r), mean, fitted);
+            own = v_splat(c == 0 ? 1.0f : 0.0f);
+#endif
+            ssgi_store(v_select(own, mean, there), blurred, size, c, x, y + r, 0.0f);
         }
     }
 }

@@ -24,6 +24,7 @@
 //          nothing is
 // Macros:  SLICES_COUNT, SLICES_TAPS, SLICES_LAYERS (>= 1), GTAO_FALLOFF, GTAO_DECAY, GTAO_BENT
 //          (0, 1)
+//          SLICES_CHECKERBOARD (0, 1): pixels of even row + column alone
 // Launch:  every fourth of 4 SSGI_LANES pixels of a row per work-item, see common/scan.clh
 // Cost:    2 * SLICES_COUNT * SLICES_TAPS * SLICES_LAYERS reads per pixel
 

@@ -14,6 +14,7 @@
 // Writes:  visibility [rows, columns] without margin, A in [0, 1]; 1 where nothing is
 // Macros:  SLICES_COUNT (pairs of directions), SLICES_TAPS, SLICES_LAYERS (>= 1),
 //          HBAO_ATTENUATION, HBAO_BIAS (0, 1)
+//          SLICES_CHECKERBOARD (0, 1): pixels of even row + column alone
 // Launch:  every fourth of 4 SSGI_LANES pixels of a row per work-item, see common/scan.clh
 // Cost:    2 * SLICES_COUNT * SLICES_TAPS * SLICES_LAYERS reads per pixel. With 3 slices of 6 taps,
 //          an eighth is the receiver's, a quarter the slices', the rest the taps' arithmetic

@@ -31,15 +31,17 @@ __kernel void raster_sides(__global const int *restrict triangles,
     const vmask there = v_ige(seen, v_splat_int(0));
     vfloat side = v_splat(0.0f);
     if (v_any(there)) {
-        const vint triangle = v_iselect(v_splat_int(0), seen, there);
-        const RasterTriangle t = raster_triangle(view, faces, vertices, triangle, false);
+        // Lanes that see nothing take a neighbour's triangle: often all lanes then have the same.
+        const vint triangle = v_iselect(v_splat_int(v_ilargest(seen)), seen, there);
+        const bool same = v_all(v_ieq(triangle, v_splat_int(v_first(triangle))));
+        const RasterTriangle t = raster_triangle(view, faces, vertices, triangle, same);
         // From the eye to the triangle, or with an orthographic camera the view direction.
         const bool perspective = camera.perspective != 0.0f;
         const vfloat dx = perspective ? t.ax : v_splat(-view.zx);
         const vfloat dy = perspective ? t.ay : v_splat(-view.zy);
         const vfloat dz = perspective ? t.az : v_splat(-view.zz);
         const vfloat away = t.nx * dx + t.ny * dy + t.nz * dz;
-        const vfloat outward = v_to_float(v_igather(closed, triangle));
+        const vfloat outward = v_to_float(v_ifetch(closed, triangle, same));
         side = v_select(outward, -outward, v_gt(away, v_splat(0.0f)));
         side = v_select(v_splat(0.0f), side, there);
     }

@@ -33,6 +33,7 @@
 // Macros:  SLICES_COUNT, SLICES_TAPS, SLICES_LAYERS (>= 1), SLICES_THICKNESS, SLICES_NEXT,
 //          BITMASK_THICK, BITMASK_BOUNCE, BITMASK_BACKS, BITMASK_KEPT, BITMASK_SIDES (0, 1),
 //          BITMASK_CONES, BITMASK_BENT (0 to 16), SKY_SIZE (>= 1)
+//          SLICES_CHECKERBOARD (0, 1): pixels of even row + column alone
 // Launch:  every fourth of 4 SSGI_LANES pixels of a row per work-item, see common/scan.clh
 // Cost:    2 * SLICES_COUNT * SLICES_TAPS * SLICES_LAYERS times 3 reads per pixel, with
 //          BITMASK_BOUNCE 3 to 6 more where a tap covers something, with BITMASK_SIDES 1 more

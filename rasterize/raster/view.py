@@ -169,7 +169,7 @@ def downloaded(target: DeviceGBuffer) -> GBuffer:
         arrays["motion"] = _layers_of(target.motion)[0][..., : target.moves]
     if target.thickness is not None:
         arrays["thickness"] = target.thickness.download()
-    return _host(target.camera, arrays)
+    return _host(target.camera, arrays, exact=target.is_exact)
 
 
 def _layers_of(plane: Plane) -> Floats:
@@ -177,10 +177,10 @@ def _layers_of(plane: Plane) -> Floats:
     return np.moveaxis(plane.download().reshape(-1, 3, *plane.size), 1, -1)
 
 
-def _host(camera: Camera, arrays: dict[str, Floats]) -> GBuffer:
+def _host(camera: Camera, arrays: dict[str, Floats], *, exact: bool = True) -> GBuffer:
     """Return a G-buffer of arrays; those with an axis of layers lose it if there is one layer alone."""
     layered = [name for name in ("depth", "normal", "albedo", "emission", "thickness") if name in arrays]
     flat: dict[str, Any] = arrays | {name: arrays[name][0] for name in layered if len(arrays[name]) == 1}
     gbuffer = GBuffer(camera=camera, **flat)
-    object.__setattr__(gbuffer, "exact", True)
+    object.__setattr__(gbuffer, "exact", exact)
     return gbuffer

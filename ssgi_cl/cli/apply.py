@@ -48,7 +48,7 @@ _LONG = 300
 OFFERED = {name: each for name, each in CATALOGUE.items() if each.command}
 """The techniques that `ssgi apply` takes."""
 _GROUPS = {
-    "Output": ("output", "overwrite"),
+    "Output": ("output", "overwrite", "confidence"),
     "Input": (
         *("layout", "channels", "layer", "part", "depth_kind", "depth_range", "normal_space", "no_normals"),
         *("nan", "invalid"),
@@ -67,6 +67,11 @@ _GROUPS = {
 @click.argument("source", metavar="IN.exr", required=False, type=click.Path(path_type=Path))
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="The result, .exr.")
 @click.option("--overwrite", is_flag=True, help="Let the output be IN.exr itself: the result is added to its channels.")
+@click.option(
+    "--confidence",
+    is_flag=True,
+    help="Ambient occlusion: write a channel 'confidence' too, 1 where it may be trusted, down to 0.",
+)
 @click.option(
     "--fov",
     type=float,
@@ -190,6 +195,7 @@ def apply_command(
     source: Path | None,
     output: Path | None,
     overwrite: bool,
+    confidence: bool,
     fov: float | None,
     camera_file: Path | None,
     ortho: float | None,
@@ -247,6 +253,12 @@ def apply_command(
     parameters = dict(_setting(text, technique, params) for text in settings)
     asked = {"preset": preset, "error": error, "budget_ms": budget_ms}
     parameters |= {name: value for name, value in asked.items() if value is not None}
+    if confidence:
+        if chosen.kind != "ao":
+            raise click.UsageError(f"--confidence is for ambient occlusion: {technique} has none")
+        if max_memory is not None:
+            raise click.UsageError("--confidence is of the whole image: expected no --max-memory")
+        parameters["confidence"] = True
     _check_lights(chosen, {"--sky": sky, "--sun": sun, "--lit": lit or None}, asked)
     if sum(value is not None for value in (fov, ortho, intrinsics, camera_file)) > 1:
         raise click.UsageError("--fov, --camera, --ortho and --intrinsics exclude each other")

@@ -57,9 +57,12 @@ def slice_pattern(params: Any) -> SlicePattern:
     are the golden-ratio sequence over all slices of a tile. With frame n, all angles are n / g further on, taps
     n / g^2, dithers n over the golden ratio, where g^3 = g + 1 (Roberts 2018).
 
+    Of a `checkerboard` the pixels of even row + column, which are the first 8, have 8 points in place of 16; the others
+    the same again.
+
     Args:
         params: with `slices`, `taps` and `tap_power`; those that join taps (`joined`) have them
-            half a tap farther away; and `frame`, 0 by default.
+            half a tap farther away; `frame`, 0 by default, and `checkerboard`.
     """
     slices, taps, frame = params.slices, params.taps, getattr(params, "frame", 0)
     root = 1.0
@@ -68,10 +71,12 @@ def slice_pattern(params: Any) -> SlicePattern:
     beyond = 0.5 if getattr(params, "joined", False) else 0.0
     angle, dither = np.zeros((2, 4, 4, slices))
     share = np.zeros((4, 4, slices, taps))
+    points = 8 if getattr(params, "checkerboard", False) else 16
     for (row, column), k in np.ndenumerate(bayer()):
+        own = int(k) % points
         for s in range(slices):
-            angle[row, column, s] = np.pi / slices * (s + ((k + 0.5) / 16.0 + frame / root) % 1.0)
-            shift = (radical_inverse(int(k)) + 1.0 / 32.0 + s / slices + frame / root**2) % 1.0
+            angle[row, column, s] = np.pi / slices * (s + ((own + 0.5) / points + frame / root) % 1.0)
+            shift = (radical_inverse(own) + 0.5 / points + s / slices + frame / root**2) % 1.0
             for t in range(taps):
                 share[row, column, s, t] = ((t + shift + beyond) / taps) ** params.tap_power
             dither[row, column, s] = (0.5 + (k + 16 * s + frame) / GOLDEN_RATIO) % 1.0

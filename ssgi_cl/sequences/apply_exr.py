@@ -66,6 +66,8 @@ class ApplyExr:
             memory_limit(self.max_memory)
             if self.chosen.kind != "ao":
                 raise ValueError(f"max_memory is {self.max_memory}: expected None with {self.technique}")
+            if self.parameters.get("confidence"):
+                raise ValueError(f"max_memory is {self.max_memory}: expected None with confidence, of the whole image")
 
     @property
     def chosen(self) -> Technique:
@@ -129,11 +131,14 @@ class ApplyExr:
     def _named(self, result: Any) -> dict[str, Any]:
         """Return results by the names that they have in a file."""
         results = result if isinstance(result, tuple) else (result,)
+        confidence = {}
+        if self.parameters.get("confidence"):
+            confidence["confidence"], results = results[-1], results[:-1]
         channels = dict(zip(self.chosen.writes, results, strict=False))  # the last ones are optional
         bent = channels.pop("bent", None)
         if bent is not None:
             channels |= {f"bent.{axis}": bent[..., i] for i, axis in enumerate("XYZ")}
-        return channels
+        return channels | confidence
 
 
 def lights_of(sky: tuple[float, ...] | None, sun: tuple[float, ...] | None) -> tuple[Light, ...]:

@@ -53,6 +53,7 @@ class Plan(NamedTuple):
             scene units.
         images: arguments that are arrays [rows, columns, ...] of the image's every so-many-th pixel: the step.
         planes: arguments that are arrays of the size of the depth, with margin.
+        whole: makes the result of what the bands give together, within so many bytes of device memory.
     """
 
     arguments: Mapping[str, Any]
@@ -60,6 +61,7 @@ class Plan(NamedTuple):
     read: Callable[[float], float] = lambda nearest: NORMAL_ROWS
     images: Mapping[str, int] = {}
     planes: tuple[str, ...] = ()
+    whole: Callable[[Any, int], Any] = lambda found, max_memory: found
 
 
 Planner = Callable[[GBuffer, Runtime, Mapping[str, Any]], Plan]
@@ -99,7 +101,8 @@ def banded(plan: Planner) -> Callable[[Callable[P, T]], Callable[P, T]]:
                     f"max_memory is {most}: expected None with a {type(gbuffer).__name__}, bands are cut from a GBuffer"
                 )
 
-            found = in_bands(function, gbuffer, runtime, plan(gbuffer, runtime, arguments), most)
+            made = plan(gbuffer, runtime, arguments)
+            found = made.whole(in_bands(function, gbuffer, runtime, made, most), most)
             result: T = of_kind(found, kind_among((*args, *kwargs.values())))
             return result
 

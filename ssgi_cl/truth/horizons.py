@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.reference.gbuffer import Doubles
-from ssgi_cl.techniques.ao.bitmask_ao import BitmaskParams
+from ssgi_cl.techniques.ao.bitmask import BitmaskParams
 from ssgi_cl.techniques.ao.gtao import GtaoParams
 from ssgi_cl.techniques.ao.hbao import HbaoParams
 from ssgi_cl.techniques.ao.slices import SliceParams

@@ -22,7 +22,7 @@ from ssgi_cl.device.constants import SLICES_NEAREST_TAP
 from ssgi_cl.device.progress import Progress
 from ssgi_cl.reference.ao.facets import tilted
 from ssgi_cl.reference.gbuffer import Doubles, SurfaceView
-from ssgi_cl.techniques.ao.bitmask_ao import BitmaskParams
+from ssgi_cl.techniques.ao.bitmask import BitmaskParams
 from ssgi_cl.techniques.ao.hbao import HbaoParams
 from ssgi_cl.techniques.ao.slices import SliceParams
 from ssgi_cl.truth.digests import camera_description, digest

@@ -10,7 +10,7 @@ from ssgi_cl.core.names import Preset
 from ssgi_cl.core.params import parameter_fields
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.techniques.ao.bitmask_ao import BitmaskKeywords
+from ssgi_cl.techniques.ao.bitmask import BitmaskKeywords
 from ssgi_cl.techniques.ao.gtao import GtaoKeywords
 from ssgi_cl.techniques.ao.hbao import HbaoKeywords
 from ssgi_cl.techniques.ao.ssao import SsaoKeywords

@@ -18,6 +18,8 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.io import exr
 from ssgi_cl.io.exr_header import read_header
 from ssgi_cl.rasterize.scenes import make_scene
+from ssgi_cl.sequences.apply_exr import ApplyExr
+from ssgi_cl.sequences.exr_passes import Passes
 from ssgi_cl.techniques.ao.gtao import gtao
 from ssgi_cl.techniques.ao.ssao import ssao
 
@@ -46,6 +48,18 @@ def test_apply_writes_bent_normals_beside_visibility(depth_file: Path, runtime: 
     np.testing.assert_array_equal(channels["ao"], a)
     for i, axis in enumerate("XYZ"):
         np.testing.assert_array_equal(channels[f"bent.{axis}"], bent[..., i])
+
+
+def test_apply_writes_confidence_beside_visibility(depth_file: Path, runtime: Runtime) -> None:
+    output = depth_file.with_name("sure.exr")
+    gbuffer = GBuffer(camera=CAMERAS[""], depth=exr.read(depth_file)["Z"])
+    for settings, names in (((), {"ao"}), (("--set", "bent_normals=true"), {"ao", "bent.X", "bent.Y", "bent.Z"})):
+        succeeds("apply", "gtao", depth_file, "-o", output, "--confidence", *settings)
+        channels = exr.read(output)
+        assert set(channels) == {"confidence", *names}
+        a, confidence = gtao(gbuffer, confidence=True, runtime=runtime)
+        np.testing.assert_array_equal(channels["ao"], a)
+        np.testing.assert_array_equal(channels["confidence"], confidence)
 
 
 def test_settings_take_lists_booleans_and_infinity(depth_file: Path, runtime: Runtime) -> None:
@@ -242,6 +256,7 @@ def test_apply_has_the_method(depth_file: Path, tmp_path: Path) -> None:
         (["--intrinsics", 1, 1, 1e300, 0], "shifts the image by"),
         (["--intrinsics", 0, 1, 2, 3], "fx is 0.0"),
         (["--device", "no such thing"], "no such OpenCL device"),
+        (["--confidence", "--max-memory", "1GiB"], "--confidence is of the whole image: expected no --max-memory"),
     ],
 )
 def test_a_wrong_option_of_apply_is_named(
@@ -250,6 +265,13 @@ def test_a_wrong_option_of_apply_is_named(
     found = fails(tmp_path, "apply", "ssao", depth_file, *options, "-o", tmp_path / "ao.exr")
     assert message in found
     assert len(found) < 400, "hostile values are cut"
+
+
+def test_confidence_is_of_ambient_occlusion(depth_file: Path, tmp_path: Path) -> None:
+    found = fails(tmp_path, "apply", "ssdo", depth_file, "--confidence", "-o", tmp_path / "no.exr")
+    assert "--confidence is for ambient occlusion: ssdo has none" in found
+    with pytest.raises(ValueError, match="max_memory is 1073741824: expected None with confidence"):
+        ApplyExr(technique="gtao", parameters={"confidence": True}, passes=Passes(), max_memory=1 << 30)
 
 
 def test_apply_needs_a_file_and_an_output(depth_file: Path, tmp_path: Path) -> None:

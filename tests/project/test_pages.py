@@ -145,6 +145,7 @@ PREPARED: dict[str, Callable[[Path], dict[str, Any]]] = {
     "docs/light.md": nothing,
     "docs/motion.md": nothing,
     "docs/techniques/accumulate.md": drawn_room,
+    "docs/techniques/bitmask_ao.md": choosing,
     "docs/window.md": seen,
     "docs/versions.md": nothing,
     "CONTRIBUTING.md": nothing,

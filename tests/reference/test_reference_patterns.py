@@ -17,7 +17,7 @@ from ssgi_cl.reference.multires.multires_grid import bound_share
 from ssgi_cl.reference.rsm import rsm
 from ssgi_cl.reference.vpl.vpl_splat import lobe_share as lobe_share_reference
 from ssgi_cl.reference.vpl.vpls import cut_evenly as cut_evenly_reference
-from ssgi_cl.techniques.ao.bitmask_ao import BitmaskParams
+from ssgi_cl.techniques.ao.bitmask import BitmaskParams
 from ssgi_cl.techniques.ao.gtao import GtaoParams
 from ssgi_cl.techniques.ao.hbao import HbaoParams
 from ssgi_cl.techniques.ao.slices import SliceParams, pattern
@@ -52,6 +52,8 @@ def test_bayers_matrix_is_the_one_that_textbooks_print() -> None:
         BitmaskParams(joined=False, taps=5),
         GtaoParams(frame=1),
         BitmaskParams(slices=1, frame=1000),
+        BitmaskParams(checkerboard=True),
+        GtaoParams(checkerboard=True, slices=3, frame=2),
     ],
 )
 def test_slices_turn_and_taps_shift_as_hammersleys_points_say(params: SliceParams) -> None:

@@ -59,6 +59,7 @@ def differences(whole: Any, banded: Any) -> list[int]:
         ("gtao", {}),
         ("gtao", {"bent_normals": True, "resolution": "half"}),
         ("gtao", {"max_radius_px": 20.0, "blur_passes": 0}),
+        ("gtao", {"checkerboard": True, "bent_normals": True}),
         ("hbao", {"resolution": "quarter"}),
         ("hbao", {"blur_radius": 4, "blur_passes": 3}),
         ("bitmask_ao", {}),

@@ -11,7 +11,8 @@ import pytest
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.techniques.ao.bitmask_ao import BitmaskParams, bitmask_ao
+from ssgi_cl.techniques.ao.bitmask import BitmaskParams
+from ssgi_cl.techniques.ao.bitmask_ao import bitmask_ao
 from ssgi_cl.techniques.ao.gtao import GtaoParams, gtao
 from ssgi_cl.techniques.ao.hbao import HbaoParams, hbao
 from ssgi_cl.techniques.ao.ssao import SsaoParams

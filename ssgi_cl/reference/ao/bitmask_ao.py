@@ -15,7 +15,7 @@ from ssgi_cl.reference.ao.slices import Scan, Slice, Tap, finished
 from ssgi_cl.reference.gbuffer import Doubles
 
 if TYPE_CHECKING:
-    from ssgi_cl.techniques.ao.bitmask_ao import BitmaskParams
+    from ssgi_cl.techniques.ao.bitmask import BitmaskParams
 
 SECTORS = 32
 MOST_TAPS = 64

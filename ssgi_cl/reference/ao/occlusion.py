@@ -28,7 +28,13 @@ def blur_of(params: Any) -> Blur:
         sigma = JOINED_SIGMA * (params.blur_radius + 1)
     elif hasattr(params, "bent_normals") and params.blur_radius == 3:  # GTAO's
         sigma = TILE_SIGMA
-    return Blur(radius=params.blur_radius, passes=params.blur_passes, depth_sigma=DEPTH_SIGMA * step, sigma=sigma)
+    return Blur(
+        radius=params.blur_radius,
+        passes=params.blur_passes,
+        depth_sigma=DEPTH_SIGMA * step,
+        sigma=sigma,
+        checkerboard=getattr(params, "checkerboard", False),
+    )
 
 
 def finished(visibility: Doubles, view: SurfaceView, full: SurfaceView, params: Any) -> Doubles:

@@ -32,6 +32,8 @@ class Blur:
     normal_sigma: float = 0.5
     passes: int = 1
     separable: bool = True
+    checkerboard: bool = False
+    """Whether values are on the pixels of even row + column alone; the first pass fills the others."""
 
 
 def bilateral_reference(
@@ -48,9 +50,21 @@ def bilateral_reference(
         rows = [(0, d) for d in reach]
         columns = [(d, 0) for d in reach]
         square = [(dy, dx) for dy in reach for dx in reach]
+        known = None
+        if getattr(params, "checkerboard", False):
+            y, x = np.indices(view.size)
+            known = (y + x) % 2 == 0
+            background = np.array([1.0, *(0.0,) * (value.shape[-1] - 1)])
+            value = np.where(known[..., None], value, background)
         for _ in range(params.passes):
+            instead = None if known is None else _beside(value, known)
             for offsets in (rows, columns) if params.separable else (square,):
-                value = _blurred(value, view, params, offsets)
+                value, fitted = _blurred(value, view, params, offsets, known)
+                known = None if known is None else fitted
+            if instead is not None and known is not None:
+                there = np.isfinite(view.inner(view.depth))
+                value = np.where((there & ~known)[..., None], instead, value)
+            known = None
     return value[..., 0] if flat else value
 
 
@@ -97,9 +111,23 @@ def fit_of(off: Doubles, cosine: Doubles, params: BilateralParams | Blur) -> Dou
     return fit
 
 
+def _beside(value: Doubles, known: NDArray[np.bool_]) -> Doubles:
+    """Return the mean of the known pixels beside each in its row; without one 1, and 0 of further channels."""
+    padded = np.pad(value * known[..., None], ((0, 0), (1, 1), (0, 0)))
+    count = np.pad(known, ((0, 0), (1, 1)))
+    number = count[:, :-2].astype(int) + count[:, 2:]
+    mean: Doubles = (padded[:, :-2] + padded[:, 2:]) / np.maximum(number, 1)[..., None]
+    return np.where(number[..., None] > 0, mean, np.array([1.0, *(0.0,) * (value.shape[-1] - 1)]))
+
+
 def _blurred(
-    value: Doubles, view: SurfaceView, params: BilateralParams | Blur, offsets: list[tuple[int, int]]
-) -> Doubles:
+    value: Doubles,
+    view: SurfaceView,
+    params: BilateralParams | Blur,
+    offsets: list[tuple[int, int]],
+    known: NDArray[np.bool_] | None = None,
+) -> tuple[Doubles, NDArray[np.bool_]]:
+    """Return the image blurred over offsets, and where anything fits; pixels that are not `known` do not count."""
     rows, columns = view.size
     depth, normal = view.inner(view.depth), view.inner(view.normal)
     y, x = np.indices((rows, columns))
@@ -118,11 +146,14 @@ def _blurred(
             view, row + dy, column + dx, np.where(other_there, depth[ty, tx], 1.0), (row, column, safe, normal)
         )
         cosine = np.sum(normal * normal[ty, tx], axis=-1)
-        fit = np.where(inside & other_there, fit_of(off, cosine, params), 0.0)
+        counts = inside & other_there if known is None else inside & other_there & known[ty, tx]
+        fit = np.where(counts, fit_of(off, cosine, params), 0.0)
         weight = np.exp(-0.5 * (dx * dx + dy * dy) / sigma**2)
         weight = weight * np.maximum(fit, 0.0) ** FIT_POWER
         if (dy, dx) == (0, 0):
-            weight = np.ones_like(weight)
+            weight = np.ones_like(weight) if known is None else known.astype(np.float64)
         total += weight
         result += weight[..., None] * value[ty, tx]
-    return np.where(there[..., None], result / total[..., None], value)
+    fitted = total > 0.0
+    mean = result / np.where(fitted, total, 1.0)[..., None]
+    return np.where((there & fitted)[..., None], mean, value), fitted | ~there

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Literal, overload
+from typing import Any, Literal, TypedDict, Unpack, overload
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -25,7 +25,8 @@ from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.rasterize.raster.rasterizer import Rasterizer
 from ssgi_cl.rasterize.raster.view import device_scene, margin_of
 from ssgi_cl.techniques import presets
-from ssgi_cl.techniques.ao.bitmask_ao import BitmaskAo
+from ssgi_cl.techniques.ao.bitmask import BitmaskAo
+from ssgi_cl.techniques.ao.confidence import with_confidence
 from ssgi_cl.techniques.ao.gtao import Gtao
 from ssgi_cl.techniques.ao.hbao import Hbao
 from ssgi_cl.techniques.ao.occlusion import OcclusionTechnique, prepared_for, surfaces_on_device
@@ -57,32 +58,53 @@ HOPELESS = 4.0
 """Times the budget: what is predicted to take longer is not measured, and timed once if it is found to."""
 
 
+class _Call(TypedDict, total=False):
+    """Keywords of `ao`, but those that its types depend on."""
+
+    preset: Preset | None
+    error: float | None
+    budget_ms: float | None
+    scene: Scene | None
+    camera: Camera | None
+    runtime: Runtime | None
+
+
 @overload
 def ao(
     gbuffer: GBuffer | DeviceGBuffer | None = ...,
     radius: float | None = ...,
     *,
-    preset: Preset | None = ...,
-    error: float | None = ...,
-    budget_ms: float | None = ...,
-    scene: Scene | None = ...,
-    camera: Camera | None = ...,
+    confidence: Literal[False] = False,
     explain: Literal[False] = False,
-    runtime: Runtime | None = ...,
+    **asked: Unpack[_Call],
 ) -> Floats: ...
 @overload
 def ao(
     gbuffer: GBuffer | DeviceGBuffer | None = ...,
     radius: float | None = ...,
     *,
-    preset: Preset | None = ...,
-    error: float | None = ...,
-    budget_ms: float | None = ...,
-    scene: Scene | None = ...,
-    camera: Camera | None = ...,
+    confidence: Literal[True],
+    explain: Literal[False] = False,
+    **asked: Unpack[_Call],
+) -> tuple[Floats, Floats]: ...
+@overload
+def ao(
+    gbuffer: GBuffer | DeviceGBuffer | None = ...,
+    radius: float | None = ...,
+    *,
+    confidence: Literal[False] = False,
     explain: Literal[True],
-    runtime: Runtime | None = ...,
+    **asked: Unpack[_Call],
 ) -> tuple[Floats, Choice]: ...
+@overload
+def ao(
+    gbuffer: GBuffer | DeviceGBuffer | None = ...,
+    radius: float | None = ...,
+    *,
+    confidence: Literal[True],
+    explain: Literal[True],
+    **asked: Unpack[_Call],
+) -> tuple[Floats, Floats, Choice]: ...
 @serialised
 def ao(
     gbuffer: GBuffer | DeviceGBuffer | None = None,
@@ -93,9 +115,10 @@ def ao(
     budget_ms: float | None = None,
     scene: Scene | None = None,
     camera: Camera | None = None,
+    confidence: bool = False,
     explain: bool = False,
     runtime: Runtime | None = None,
-) -> Floats | tuple[Floats, Choice]:
+) -> Floats | tuple[Floats | Choice, ...]:
     """Compute cosine-weighted ambient occlusion with the technique and the setting that suit a wish.
 
     The choice is among the recorded settings of `ssao`, `hbao`, `gtao` and `bitmask_ao`: slices, samples,
@@ -109,19 +132,21 @@ def ao(
         preset: "low", "medium", "high" or "ultra": the least expected error in at most 1, 2, 4 or 32 times
             the device time of GTAO's defaults; of a scene, with 1, 2, 4 and 4 layers. By default "medium".
         error: RMSE against cast rays, > 0: the fastest setting that is expected to err no more. It is a
-            geometric mean over recorded scenes: single ones err up to twice as much.
+            geometric mean over recorded scenes: single ones err up to 2.3 times as much.
         budget_ms: milliseconds, > 0, of the wall clock from the call to its result in host memory: uploads,
             drawing and download count. Of the settings that keep it on this device, that of the least
             expected error is chosen. The first call for a size, a scene or a budget compiles and measures,
             which takes seconds; later ones use what it measured.
         scene, camera: what is drawn, in place of `gbuffer`.
+        confidence: whether `ao_confidence` of A is returned too; its time is not part of the budget. Of a scene,
+            thickness is drawn for it.
         explain: whether the choice is returned too.
         runtime: the device; by default the fastest found.
 
     Returns:
-        A [rows, columns] float32 in [0, 1]: 1 = open, and where nothing is there. With `explain`, A and the
-        `Choice`: technique, parameters, layers, overscan, expected error, the time of the call if there is a
-        budget, and why.
+        A [rows, columns] float32 in [0, 1]: 1 = open, and where nothing is there. With `confidence`, then
+        [rows, columns] float32 in [0, 1]: see `ao_confidence`. With `explain`, last the `Choice`: technique,
+        parameters, layers, overscan, expected error, the time of the call if there is a budget, and why.
 
     Raises:
         TypeError, ValueError: an argument of the wrong type or out of range; more than one of `preset`,
@@ -130,6 +155,8 @@ def ao(
     """
     asked = {"preset": preset, "error": error, "budget_ms": budget_ms}
     check_single(asked)
+    checks.switch("confidence", confidence)
+    checks.switch("explain", explain)
     if radius is not None:
         radius = checks.number("radius", radius, low=0.0, above=True, unit="scene units")
     if runtime is None:
@@ -144,8 +171,14 @@ def ao(
         name = "medium" if preset is None else checks.choice("preset", preset, presets.NAMES)
         why = f"preset {name!r}: the least expected error in at most {SHARE[name]:g} times the time of GTAO's defaults"
         choice = _choice(source.named(name), source, why)
-    result = source.computed(choice)
-    return (result, choice) if explain else result
+    found = source.computed(choice)
+    results: tuple[Floats | Choice, ...] = (found,)
+    if confidence:
+        seen = gbuffer or source.surfaces(choice.layers, choice.overscan, thickness=True)
+        results = with_confidence(found, seen, source.reach(choice, seen), runtime)
+    if explain:
+        results = (*results, choice)
+    return results if len(results) > 1 else found
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,26 +214,29 @@ class _Source:
             return named(preset, layers, OVERSCAN if layers > 1 else 0.0)
         return named(preset, self.candidates[0].layers, self.candidates[0].overscan)
 
-    def surfaces(self, layers: int, overscan: float) -> DeviceGBuffer:
-        """Return the G-buffer in device memory, uploaded or drawn now."""
+    def surfaces(self, layers: int, overscan: float, *, thickness: bool = False) -> DeviceGBuffer:
+        """Return the G-buffer in device memory, uploaded or drawn now, with thickness if it is asked for."""
         if self.scene is None or self.camera is None:
             assert self.gbuffer is not None  # noqa: S101  one of both is given
             return surfaces_on_device(self.gbuffer, self.runtime)
         margin = margin_of(self.camera, overscan)
         rasterizer: Rasterizer = self.runtime.prepared(
-            (Rasterizer, "ao", self.size, layers, margin),
-            lambda: Rasterizer(self.runtime, self.size, layers=layers, margin=margin),
+            (Rasterizer, "ao", self.size, layers, margin, thickness),
+            lambda: Rasterizer(self.runtime, self.size, layers=layers, margin=margin, thickness=thickness),
         )
         with self.runtime.frame():
             target = rasterizer.render(device_scene(self.scene, self.runtime), self.camera)
             target.derive()
         return target
 
+    def reach(self, choice: Choice, gbuffer: GBuffer | DeviceGBuffer) -> Any:
+        """Return the radius of a choice: that which was given, or the default one of what is seen."""
+        return choice.params.radius if self.radius is not None else sensible_radius(gbuffer)
+
     def computed(self, choice: Choice) -> Floats:
         """Return A of the choice's technique."""
         device = self.surfaces(choice.layers, choice.overscan)
-        radius = choice.params.radius if self.radius is not None else sensible_radius(device)
-        params = type(choice.params)(**{**choice.parameters, "radius": radius})
+        params = type(choice.params)(**{**choice.parameters, "radius": self.reach(choice, device)})
         return prepared_for(TECHNIQUES[choice.technique], device, params)(device)
 
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Mapping
 from copy import copy
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,9 +13,14 @@ from scipy import ndimage
 
 from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime, serialised
-from ssgi_cl.techniques.ao.bitmask_ao import bitmask_ao
-from ssgi_cl.techniques.ao.occlusion_bands import pixels_per_depth
+from ssgi_cl.rasterize.raster.view import downloaded
+from ssgi_cl.techniques.ao.bitmask import BitmaskAo, BitmaskParams
+from ssgi_cl.techniques.ao.occlusion import OcclusionTechnique, prepared_for, surfaces_on_device
+from ssgi_cl.techniques.ao.occlusion_bands import Reach, occlusion_plan, pixels_per_depth
+from ssgi_cl.techniques.ao.slices import slice_reach
+from ssgi_cl.techniques.bands import Plan, Planner, in_bands
 
 WINDOW = 9
 """Columns and rows over which the spread of single pixels' occlusion is taken; beyond the border the image goes on as
@@ -25,9 +33,11 @@ LEAST_SLACK, MOST_SLACK = 0.05, 0.4
 
 @serialised
 def ao_confidence(
-    gbuffer: GBuffer, ao: ArrayLike, radius: float, *, runtime: Runtime | None = None
+    gbuffer: GBuffer | DeviceGBuffer, ao: ArrayLike, radius: float, *, runtime: Runtime | None = None
 ) -> NDArray[np.float32]:
     """Estimate how far ambient occlusion may be from that of the scene, of any technique.
+
+    Techniques return it themselves with `confidence=True`.
 
     Bounds by the bitmask of Therrien et al. 2023, "Screen Space Indirect Lighting with Visibility
     Bitmask". Departs: it is computed twice, with nothing where no layer tells what is there, and
@@ -49,18 +59,72 @@ def ao_confidence(
         TypeError, ValueError: an argument of the wrong type or out of range; the message says
             which, its value and what is allowed.
     """
-    if not isinstance(gbuffer, GBuffer):
-        raise TypeError(f"gbuffer is {type(gbuffer).__name__}: expected GBuffer")
+    if not isinstance(gbuffer, (GBuffer, DeviceGBuffer)):
+        raise TypeError(f"gbuffer is {type(gbuffer).__name__}: expected GBuffer or DeviceGBuffer")
     a = checks.plane("ao", ao, low=0.0, high=1.0)
     if a.shape != gbuffer.size:
         raise ValueError(f"ao has shape {a.shape}: expected {gbuffer.size}, the size of the camera's image")
     radius = checks.number("radius", radius, low=0.0, high=1e30, above=True, unit="scene units")
+    return _confidence(gbuffer, a, radius, runtime)
+
+
+def with_confidence(
+    found: Any, gbuffer: GBuffer | DeviceGBuffer, radius: Any, runtime: Runtime | None, max_memory: int | None = None
+) -> Any:
+    """Return what a technique found, A or several arrays of which A is the first, and last the confidence in A.
+
+    Args:
+        found: the technique's results.
+        gbuffer, runtime: as its function was called.
+        radius: of it, or several, of which the largest counts.
+        max_memory: most bytes of device memory, if there is a limit.
+    """
+    results = found if isinstance(found, tuple) else (found,)
+    reach = max(radius) if isinstance(radius, tuple) else radius
+    return (*results, _confidence(gbuffer, results[0], reach, runtime, max_memory))
+
+
+def confident_plan(technique: type[OcclusionTechnique], reach: Reach) -> Planner:
+    """Return the plan of a technique whose function takes `confidence`, which is that of the whole image.
+
+    Args:
+        technique, reach: see `occlusion_plan`.
+    """
+    without = occlusion_plan(technique, reach)
+
+    def plan(gbuffer: GBuffer, runtime: Runtime, arguments: Mapping[str, Any]) -> Plan:
+        given = dict(arguments)
+        wanted = given.pop("confidence", False)
+        checks.switch("confidence", wanted)
+        made = without(gbuffer, runtime, given)
+        if not wanted:
+            return made
+
+        def whole(found: Any, max_memory: int) -> Any:
+            return with_confidence(found, gbuffer, made.arguments["radius"], runtime, max_memory)
+
+        return made._replace(whole=whole)
+
+    return plan
+
+
+def _confidence(
+    gbuffer: GBuffer | DeviceGBuffer,
+    a: NDArray[np.float32],
+    radius: float,
+    runtime: Runtime | None,
+    max_memory: int | None = None,
+) -> NDArray[np.float32]:
+    """Return what `ao_confidence` does, of arguments that are checked, within `max_memory` if that is given."""
+    if isinstance(gbuffer, DeviceGBuffer):
+        runtime, gbuffer = gbuffer.runtime, downloaded(gbuffer)
+    runtime = runtime or Runtime.open()
     least, most = ends(gbuffer)
     open_, closed = (
-        np.asarray(bitmask_ao(_with_thickness(gbuffer, thickness), radius, slack=slack, runtime=runtime))
+        _bitmask(_with_thickness(gbuffer, thickness), BitmaskParams(radius=radius, slack=slack), runtime, max_memory)
         for thickness, slack in ((least, LEAST_SLACK), (most, MOST_SLACK))
     )
-    single = np.asarray(bitmask_ao(gbuffer, radius, blur_radius=0, runtime=runtime), np.float64)
+    single = _bitmask(gbuffer, BitmaskParams(radius=radius, blur_radius=0), runtime, max_memory).astype(np.float64)
     mean, square = (ndimage.uniform_filter(image, WINDOW, mode="nearest") for image in (single, single * single))
     spread = np.sqrt(np.maximum(square - mean * mean, 0.0))
     doubt = np.maximum(open_, a) - np.minimum(closed, a) + SPREAD * spread + _beyond(gbuffer, radius)
@@ -69,6 +133,21 @@ def ao_confidence(
     there = np.isfinite(gbuffer.inner(depth))
     result: NDArray[np.float32] = np.where(there, np.clip(1.0 - doubt, 0.0, 1.0), 1.0).astype(np.float32)
     return result
+
+
+def _bitmask(gbuffer: GBuffer, params: BitmaskParams, runtime: Runtime, max_memory: int | None) -> NDArray[np.float32]:
+    """Return A by the bitmask."""
+
+    def occlusion(gbuffer: GBuffer, *, runtime: Runtime, **fields: Any) -> NDArray[np.float32]:
+        device = surfaces_on_device(gbuffer, runtime)
+        return prepared_for(BitmaskAo, device, BitmaskParams(**fields))(device)
+
+    fields = {each.name: getattr(params, each.name) for each in dataclasses.fields(params)}
+    if max_memory is None:
+        return occlusion(gbuffer, runtime=runtime, **fields)
+    plan = occlusion_plan(BitmaskAo, slice_reach)(gbuffer, runtime, fields)
+    found: NDArray[np.float32] = in_bands(occlusion, gbuffer, runtime, plan, max_memory)
+    return found
 
 
 def ends(gbuffer: GBuffer) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

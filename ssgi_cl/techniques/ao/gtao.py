@@ -13,6 +13,7 @@ from typing import Literal, Unpack, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.names import Preset
 from ssgi_cl.core.params import param, with_fields_described
@@ -20,14 +21,14 @@ from ssgi_cl.device.arrays import Plane
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.techniques.ao.bent_normals import BentNormals
-from ssgi_cl.techniques.ao.occlusion import made_for
-from ssgi_cl.techniques.ao.occlusion_bands import occlusion_plan
+from ssgi_cl.techniques.ao.confidence import confident_plan, with_confidence
+from ssgi_cl.techniques.ao.occlusion import AskedKeywords, made_for
 from ssgi_cl.techniques.ao.slices import (
     PRESET_LAYERS,
     TILE,
     TUNABLE,
+    ScanParams,
     SliceKeywords,
-    SliceParams,
     SliceTechnique,
     slice_reach,
 )
@@ -41,7 +42,7 @@ what repeats every 4 pixels cancels out: 1 - 2 / 2 = 0."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class GtaoParams(SliceParams):
+class GtaoParams(ScanParams):
     """Parameters of GTAO (Jimenez et al. 2016; XeGTAO, Intel 2021).
 
     XeGTAO's High setting for a radius r is radius=1.457 * r, slices=3, taps=3 (it counts the taps
@@ -154,6 +155,10 @@ class Gtao(SliceTechnique[GtaoParams]):
         }
 
 
+class _GtaoCall(GtaoKeywords, AskedKeywords, total=False):
+    """Keywords of `gtao`, but those that its types depend on."""
+
+
 @overload
 def gtao(
     gbuffer: GBuffer | DeviceGBuffer,
@@ -162,12 +167,8 @@ def gtao(
     taps: int | None = ...,
     *,
     bent_normals: Literal[False] = False,
-    preset: Preset | None = ...,
-    error: float | None = ...,
-    budget_ms: float | None = ...,
-    max_memory: int | None = ...,
-    runtime: Runtime | None = ...,
-    **params: Unpack[GtaoKeywords],
+    confidence: Literal[False] = False,
+    **params: Unpack[_GtaoCall],
 ) -> NDArray[np.float32]: ...
 @overload
 def gtao(
@@ -177,14 +178,32 @@ def gtao(
     taps: int | None = ...,
     *,
     bent_normals: Literal[True],
-    preset: Preset | None = ...,
-    error: float | None = ...,
-    budget_ms: float | None = ...,
-    max_memory: int | None = ...,
-    runtime: Runtime | None = ...,
-    **params: Unpack[GtaoKeywords],
+    confidence: Literal[False] = False,
+    **params: Unpack[_GtaoCall],
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...
-@banded(occlusion_plan(Gtao, slice_reach))
+@overload
+def gtao(
+    gbuffer: GBuffer | DeviceGBuffer,
+    radius: float | None = ...,
+    slices: int | None = ...,
+    taps: int | None = ...,
+    *,
+    bent_normals: Literal[False] = False,
+    confidence: Literal[True],
+    **params: Unpack[_GtaoCall],
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...
+@overload
+def gtao(
+    gbuffer: GBuffer | DeviceGBuffer,
+    radius: float | None = ...,
+    slices: int | None = ...,
+    taps: int | None = ...,
+    *,
+    bent_normals: Literal[True],
+    confidence: Literal[True],
+    **params: Unpack[_GtaoCall],
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]: ...
+@banded(confident_plan(Gtao, slice_reach))
 @with_fields_described(GtaoParams)
 @serialised
 def gtao(
@@ -194,13 +213,14 @@ def gtao(
     taps: int | None = None,
     *,
     bent_normals: bool = False,
+    confidence: bool = False,
     preset: Preset | None = None,
     error: float | None = None,
     budget_ms: float | None = None,
     max_memory: int | None = None,
     runtime: Runtime | None = None,
     **params: Unpack[GtaoKeywords],
-) -> NDArray[np.float32] | tuple[NDArray[np.float32], NDArray[np.float32]]:
+) -> NDArray[np.float32] | tuple[NDArray[np.float32], ...]:
     """Compute cosine-weighted ambient occlusion from the highest horizons round each pixel.
 
     Jimenez et al. 2016, "Practical Realtime Strategies for Accurate Indirect Occlusion". Departs: a
@@ -218,6 +238,8 @@ def gtao(
         taps: depths read on either side of a slice, 1 to 64.
         bent_normals: whether bent normals are returned too: the mean unoccluded direction of each
             pixel, weighted by its cosine to the normal.
+        confidence: whether `ao_confidence` of A is returned too, which takes three times as long as
+            `bitmask_ao`.
         preset, error, budget_ms: at most one of them: where the fields that are not given come
             from. "low", "medium", "high" or "ultra"; the greatest RMSE against cast rays, > 0; the
             longest device time of a picture in ms, > 0. See `ssgi_cl.choose`. By default the
@@ -231,12 +253,14 @@ def gtao(
         A [rows, columns] float32 in [0, 1]: 1 = open, and where nothing is there. With
         `bent_normals`, A and [rows, columns, 3] float32: bent normals in world space, of unit
         length; the surface's normal where nothing occludes, 0 where nothing is there. In the
-        Cornell box they are off from those of 512 rays by 3.8 degrees, the normals by 12.4.
+        Cornell box they are off from those of 512 rays by 3.8 degrees, the normals by 12.4. With
+        `confidence` last [rows, columns] float32 in [0, 1]: see `ao_confidence`.
 
     Raises:
         TypeError, ValueError: a parameter of the wrong type or out of range; the message says
             which, its value and what is allowed.
     """
+    checks.switch("confidence", confidence)
     technique, device = made_for(
         Gtao,
         gbuffer,
@@ -250,7 +274,8 @@ def gtao(
         budget_ms=budget_ms,
         **params,
     )
-    return technique.both(device) if bent_normals else technique(device)
+    found = technique.both(device) if bent_normals else technique(device)
+    return with_confidence(found, gbuffer, technique.params.radius, runtime) if confidence else found
 
 
 DESCRIPTOR = Technique(

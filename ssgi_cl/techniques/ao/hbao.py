@@ -5,25 +5,26 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Unpack
+from typing import Literal, Unpack, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.core import checks
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.names import Preset
 from ssgi_cl.core.params import param, with_fields_described
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime, serialised
-from ssgi_cl.techniques.ao.occlusion import made_for
-from ssgi_cl.techniques.ao.occlusion_bands import occlusion_plan
-from ssgi_cl.techniques.ao.slices import PRESET_LAYERS, TUNABLE, SliceKeywords, SliceParams, SliceTechnique, slice_reach
+from ssgi_cl.techniques.ao.confidence import confident_plan, with_confidence
+from ssgi_cl.techniques.ao.occlusion import AskedKeywords, made_for
+from ssgi_cl.techniques.ao.slices import PRESET_LAYERS, TUNABLE, ScanParams, SliceKeywords, SliceTechnique, slice_reach
 from ssgi_cl.techniques.bands import banded
 from ssgi_cl.techniques.technique import Bench, Technique
 
 
 @dataclass(frozen=True, kw_only=True)
-class HbaoParams(SliceParams):
+class HbaoParams(ScanParams):
     """Parameters of HBAO (Bavoil and Sainz 2008); a slice is two opposite directions.
 
     As published the attenuation is 1. The default was chosen on generated scenes: the RMSE against
@@ -77,7 +78,31 @@ class Hbao(SliceTechnique[HbaoParams]):
         }
 
 
-@banded(occlusion_plan(Hbao, slice_reach))
+class _HbaoCall(HbaoKeywords, AskedKeywords, total=False):
+    """Keywords of `hbao`, but those that its types depend on."""
+
+
+@overload
+def hbao(
+    gbuffer: GBuffer | DeviceGBuffer,
+    radius: float | None = ...,
+    slices: int | None = ...,
+    taps: int | None = ...,
+    *,
+    confidence: Literal[False] = False,
+    **params: Unpack[_HbaoCall],
+) -> NDArray[np.float32]: ...
+@overload
+def hbao(
+    gbuffer: GBuffer | DeviceGBuffer,
+    radius: float | None = ...,
+    slices: int | None = ...,
+    taps: int | None = ...,
+    *,
+    confidence: Literal[True],
+    **params: Unpack[_HbaoCall],
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...
+@banded(confident_plan(Hbao, slice_reach))
 @with_fields_described(HbaoParams)
 @serialised
 def hbao(
@@ -86,13 +111,14 @@ def hbao(
     slices: int | None = None,
     taps: int | None = None,
     *,
+    confidence: bool = False,
     preset: Preset | None = None,
     error: float | None = None,
     budget_ms: float | None = None,
     max_memory: int | None = None,
     runtime: Runtime | None = None,
     **params: Unpack[HbaoKeywords],
-) -> NDArray[np.float32]:
+) -> NDArray[np.float32] | tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Compute ambient occlusion from horizons, all directions of the hemisphere weighing the same.
 
     Bavoil and Sainz 2008, "Image-Space Horizon-Based Ambient Occlusion". Departs: elevations are
@@ -106,6 +132,8 @@ def hbao(
             picture's diagonal where surfaces are seen.
         slices: pairs of opposite directions, 1 to 32.
         taps: depths read in each direction, 1 to 64.
+        confidence: whether `ao_confidence` of A is returned too, which takes three times as long as
+            `bitmask_ao`.
         preset, error, budget_ms: at most one of them: where the fields that are not given come
             from. "low", "medium", "high" or "ultra"; the greatest RMSE against cast rays, > 0; the
             longest device time of a picture in ms, > 0. See `ssgi_cl.choose`. By default the
@@ -116,12 +144,14 @@ def hbao(
         **params: the other fields of `HbaoParams`.
 
     Returns:
-        A [rows, columns] float32 in [0, 1]: 1 = open, and where nothing is there.
+        A [rows, columns] float32 in [0, 1]: 1 = open, and where nothing is there. With `confidence`,
+        A and [rows, columns] float32 in [0, 1]: see `ao_confidence`.
 
     Raises:
         TypeError, ValueError: a parameter of the wrong type or out of range; the message says
             which, its value and what is allowed.
     """
+    checks.switch("confidence", confidence)
     technique, device = made_for(
         Hbao,
         gbuffer,
@@ -134,7 +164,8 @@ def hbao(
         budget_ms=budget_ms,
         **params,
     )
-    return technique(device)
+    a = technique(device)
+    return with_confidence(a, gbuffer, technique.params.radius, runtime) if confidence else a
 
 
 DESCRIPTOR = Technique(

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer
-from ssgi_cl.core.names import BlurResolution, Resolution
+from ssgi_cl.core.names import BlurResolution, Preset, Resolution
 from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import Plane, Size, plane_bytes
@@ -58,6 +58,11 @@ class OcclusionParams(Params):
         return 1
 
     @property
+    def halved(self) -> bool:
+        """Whether every other pixel is computed, as on a checkerboard, and the blur finds the others."""
+        return False
+
+    @property
     def blur(self) -> BilateralParams:
         """Parameters of the blur of A."""
         step = RESOLUTIONS[self.resolution] if self.blur_resolution == "own" else 1
@@ -72,6 +77,16 @@ class OcclusionKeywords(TypedDict, total=False):
     blur_radius: int
     blur_passes: int
     blur_resolution: BlurResolution
+
+
+class AskedKeywords(TypedDict, total=False):
+    """What the techniques' functions take beside parameters."""
+
+    preset: Preset | None
+    error: float | None
+    budget_ms: float | None
+    max_memory: int | None
+    runtime: Runtime | None
 
 
 class OcclusionTechnique(Prepared[Any], ABC):
@@ -109,7 +124,9 @@ class OcclusionTechnique(Prepared[Any], ABC):
             blur = replace(blur, passes=blur.passes - 1)
         elif step > 1:
             self._upsample = Upsample(runtime, size, UpsampleParams(step=step, background=1.0), channels, kept=not late)
-        self._blur = Bilateral(runtime, size if late else coarse, blur, channels, kept=late or step == 1)
+        self._blur = Bilateral(
+            runtime, size if late else coarse, blur, channels, kept=late or step == 1, checkerboard=params.halved
+        )
         self._blur_first = not late
         last = step == 1 and not self._blur.active
         self._visibility = Target(runtime, channels, coarse, 1.0, kept=last)

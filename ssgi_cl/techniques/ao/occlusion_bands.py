@@ -16,14 +16,16 @@ from ssgi_cl.techniques.ao.occlusion import RESOLUTIONS, OcclusionParams, Occlus
 from ssgi_cl.techniques.bands import Plan, Planner
 from ssgi_cl.techniques.presets.choose import params_for
 
+Reach = Callable[[Any, Camera, int, float], float]
+"""Of parameters, the camera, the number of layers and the least depth: how many rows a receiver reads at most."""
 
-def occlusion_plan(technique: type[OcclusionTechnique], reach: Callable[[Any, Camera, int, float], float]) -> Planner:
+
+def occlusion_plan(technique: type[OcclusionTechnique], reach: Reach) -> Planner:
     """Return the plan of a technique of ambient occlusion.
 
     Args:
         technique: its class.
-        reach: of its parameters, the camera, the number of layers and the least depth: how many rows beyond its
-            own a receiver reads at most.
+        reach: how many rows beyond its own a receiver reads at most.
     """
 
     def plan(gbuffer: GBuffer, runtime: Runtime, arguments: Mapping[str, Any]) -> Plan:

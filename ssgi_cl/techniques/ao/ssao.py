@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Unpack
+from typing import Any, Literal, Unpack, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,8 +21,15 @@ from ssgi_cl.device.arrays import Plane
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, Struct, floats, ints
-from ssgi_cl.techniques.ao.occlusion import OcclusionKeywords, OcclusionParams, OcclusionTechnique, made_for
-from ssgi_cl.techniques.ao.occlusion_bands import occlusion_plan, pixels_per_depth, widest_ray
+from ssgi_cl.techniques.ao.confidence import confident_plan, with_confidence
+from ssgi_cl.techniques.ao.occlusion import (
+    AskedKeywords,
+    OcclusionKeywords,
+    OcclusionParams,
+    OcclusionTechnique,
+    made_for,
+)
+from ssgi_cl.techniques.ao.occlusion_bands import pixels_per_depth, widest_ray
 from ssgi_cl.techniques.bands import banded
 from ssgi_cl.techniques.radius import sensible_radius
 from ssgi_cl.techniques.source import Source, border_values, check_size
@@ -284,7 +291,29 @@ def ssao_reach(params: SsaoParams, camera: Camera, layers: int, nearest: float) 
     return pixels * widest_ray(camera) / (1.0 - share) + 1.0 if share < 1.0 else math.inf
 
 
-@banded(occlusion_plan(Ssao, ssao_reach))
+class _SsaoCall(SsaoKeywords, AskedKeywords, total=False):
+    """Keywords of `ssao`, but those that its types depend on."""
+
+
+@overload
+def ssao(
+    gbuffer: GBuffer | DeviceGBuffer,
+    radius: ArrayLike | None = ...,
+    samples: int | None = ...,
+    *,
+    confidence: Literal[False] = False,
+    **params: Unpack[_SsaoCall],
+) -> NDArray[np.float32]: ...
+@overload
+def ssao(
+    gbuffer: GBuffer | DeviceGBuffer,
+    radius: ArrayLike | None = ...,
+    samples: int | None = ...,
+    *,
+    confidence: Literal[True],
+    **params: Unpack[_SsaoCall],
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...
+@banded(confident_plan(Ssao, ssao_reach))
 @with_fields_described(SsaoParams)
 @serialised
 def ssao(
@@ -292,13 +321,14 @@ def ssao(
     radius: ArrayLike | None = None,
     samples: int | None = None,
     *,
+    confidence: bool = False,
     preset: Preset | None = None,
     error: float | None = None,
     budget_ms: float | None = None,
     max_memory: int | None = None,
     runtime: Runtime | None = None,
     **params: Unpack[SsaoKeywords],
-) -> NDArray[np.float32]:
+) -> NDArray[np.float32] | tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Compute ambient occlusion from points in a ball round each pixel.
 
     Mittring 2007, "Finding Next Gen: CryEngine 2", and Filion and McNaughton 2008, "StarCraft II
@@ -312,6 +342,8 @@ def ssao(
             are seen; up to 4 values, of which the greatest occlusion
             counts in each pixel.
         samples: points per pixel, 1 to 256; by default 16, or the preset's.
+        confidence: whether `ao_confidence` of A is returned too, which takes three times as long as
+            `bitmask_ao`.
         preset, error, budget_ms: at most one of them: where the fields that are not given come
             from. "low", "medium", "high" or "ultra"; the greatest RMSE against cast rays, > 0; the
             longest device time of a picture in ms, > 0. See `ssgi_cl.choose`. By default the
@@ -322,12 +354,14 @@ def ssao(
         **params: the other fields of `SsaoParams`.
 
     Returns:
-        A [rows, columns] float32 in [0, 1]: 1 = open, and where nothing is there.
+        A [rows, columns] float32 in [0, 1]: 1 = open, and where nothing is there. With `confidence`,
+        A and [rows, columns] float32 in [0, 1]: see `ao_confidence`.
 
     Raises:
         TypeError, ValueError: a parameter of the wrong type or out of range; the message says
             which, its value and what is allowed.
     """
+    checks.switch("confidence", confidence)
     radii = checks.as_array("radius", sensible_radius(gbuffer) if radius is None else radius)
     if radii.dtype.kind not in "fiu":
         raise TypeError(f"radius is {radius!r}: expected 1 to 4 numbers (scene units)")
@@ -342,7 +376,8 @@ def ssao(
         budget_ms=budget_ms,
         **params,
     )
-    return technique(device)
+    a = technique(device)
+    return with_confidence(a, gbuffer, technique.params.radius, runtime) if confidence else a
 
 
 DESCRIPTOR = Technique(

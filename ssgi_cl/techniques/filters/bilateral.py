@@ -94,6 +94,8 @@ class Bilateral(Prepared[BilateralParams]):
         channels: values of a pixel.
         kept: whether results are in memory of its own; else each lives as long as somebody refers
             to it.
+        checkerboard: whether values are on the pixels of even row + column alone, in the first image from 0 to 1; those
+            between are found from what fits, or if nothing does from their neighbours in the row.
     """
 
     def __init__(
@@ -104,6 +106,7 @@ class Bilateral(Prepared[BilateralParams]):
         channels: int = 1,
         *,
         kept: bool = True,
+        checkerboard: bool = False,
     ) -> None:
         self.runtime = runtime
         self.size = size
@@ -116,18 +119,21 @@ class Bilateral(Prepared[BilateralParams]):
         self._rows = {0: 1, 1: 2 if runtime.variant.lanes > 1 else 1, 2: 1}
         self._shapes = (0, 1) if params.separable else (2,)
         self._kernels = {
-            shape: runtime.kernel(
+            (shape, fills): runtime.kernel(
                 "filters/bilateral_blur.cl",
                 {
                     "BLUR_RADIUS": params.radius,
                     "BLUR_COUNT": channels,
                     "BLUR_SHAPE": shape,
                     "BLUR_ROWS": self._rows[shape],
+                    "BLUR_CHECKERBOARD": int(fills),
                 },
                 (CAMERA, BLUR),
             )
             for shape in self._shapes
+            for fills in {checkerboard, checkerboard and params.passes == 1}
         }
+        self._checkerboard = checkerboard
         self._weights = runtime.array(_weight_table(params))
         self._result = Target(runtime, channels, size, kept=kept)
         self._between = Target(runtime, channels, size, kept=False)
@@ -150,12 +156,12 @@ class Bilateral(Prepared[BilateralParams]):
         rows, columns = self.size
         background = background_of(value)
         left = params.passes * len(self._shapes)
-        for _ in range(params.passes):
+        for number in range(params.passes):
             for shape in self._shapes:
                 left -= 1
                 target = self._between if left % 2 else self._result
                 with target.over(region, background=background) as (out, over):
-                    self._kernels[shape].run(
+                    self._kernels[shape, self._checkerboard and number == 0].run(
                         self.size,
                         grid=(-(-rows // self._rows[shape]), -(-columns // lanes)),
                         region=over,

@@ -12,7 +12,7 @@ from ssgi_cl.device.gbuffer import VIEW_ROTATION, DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, floats, rotation_values
 from ssgi_cl.device.transient import ImageParts, Target
-from ssgi_cl.techniques.ao.bitmask_ao import ENDS
+from ssgi_cl.techniques.ao.bitmask import ENDS
 from ssgi_cl.techniques.ao.slices import SLICES, SliceParams, SliceScan, check_shape
 from ssgi_cl.techniques.direct.sky import SKY_SIZE, Sky
 from ssgi_cl.techniques.source import Source

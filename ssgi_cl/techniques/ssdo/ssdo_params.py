@@ -9,7 +9,7 @@ from typing import TypeVar, get_args
 from ssgi_cl.core.names import SsdoMethod
 from ssgi_cl.core.params import Params, param, parameter_fields
 from ssgi_cl.device.arrays import Size
-from ssgi_cl.techniques.ao.bitmask_ao import MOST_TAPS
+from ssgi_cl.techniques.ao.bitmask import MOST_TAPS
 from ssgi_cl.techniques.ao.occlusion import OcclusionKeywords, OcclusionParams
 from ssgi_cl.techniques.direct.light_shadows import LightShadowParams
 from ssgi_cl.techniques.filters.bilateral import BilateralParams

@@ -13,7 +13,8 @@ from ssgi_cl.reference.ao.bitmask_ao import bitmask_reference
 from ssgi_cl.reference.ao.gtao import gtao_reference
 from ssgi_cl.reference.ao.hbao import hbao_reference
 from ssgi_cl.reference.ao.ssao import ssao_reference
-from ssgi_cl.techniques.ao.bitmask_ao import BitmaskAo, BitmaskParams, bitmask_ao
+from ssgi_cl.techniques.ao.bitmask import BitmaskAo, BitmaskParams
+from ssgi_cl.techniques.ao.bitmask_ao import bitmask_ao
 from ssgi_cl.techniques.ao.gtao import Gtao, GtaoParams, gtao
 from ssgi_cl.techniques.ao.hbao import Hbao, HbaoParams, hbao
 from ssgi_cl.techniques.ao.occlusion import OcclusionParams, OcclusionTechnique

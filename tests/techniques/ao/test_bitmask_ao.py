@@ -14,7 +14,8 @@ from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import gbuffer as rasterized
 from ssgi_cl.reference.ao.bitmask_ao import bitmask_reference, turn
-from ssgi_cl.techniques.ao.bitmask_ao import BitmaskParams, bitmask_ao
+from ssgi_cl.techniques.ao.bitmask import BitmaskParams
+from ssgi_cl.techniques.ao.bitmask_ao import bitmask_ao
 from ssgi_cl.truth.ray_ao import ray_ao
 
 from ...closed_forms import hidden_by_wall

@@ -12,7 +12,7 @@ from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.device.constants import SLICES_STRIP
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.techniques.ao.bitmask_ao import BitmaskAo
+from ssgi_cl.techniques.ao.bitmask import BitmaskAo
 from ssgi_cl.techniques.ao.slices import SliceParams, pattern
 
 from ...closed_forms import hidden_by_wall
@@ -95,6 +95,61 @@ def test_blurred_layers_with_any_margin_agree_with_numpy_reference_at_every_reso
     a = subject.function(both, RADIUS, resolution=resolution, runtime=variant_runtime)
     # A flip spreads over the 5 x 5 pixels of the blur and over the pixels of a coarse one.
     assert share_off(a, subject.expected(both, resolution=resolution), WEIGHTS) <= 25 * FLIPS
+
+
+CHECKERBOARDS = {"layers": {}, "a wide blur, twice": {"blur_radius": 3, "blur_passes": 2}}
+
+
+@pytest.mark.parametrize("margin", [(0, 0), (1, 2)], ids=str)
+@pytest.mark.parametrize("choice", CHECKERBOARDS.values(), ids=CHECKERBOARDS)
+def test_a_checkerboard_agrees_with_numpy_reference(
+    variant_runtime: Runtime, subject: Subject, choice: dict[str, Any], margin: tuple[int, int]
+) -> None:
+    _, both, _ = layered(camera(size=(21, 27)), margin)
+    a = subject.function(both, RADIUS, checkerboard=True, runtime=variant_runtime, **choice)
+    wanted = subject.expected(both, checkerboard=True, **choice)
+    # A flip spreads over the pixels of the blur.
+    assert share_off(a, wanted, WEIGHTS) <= 49 * FLIPS
+    assert share_off(a, subject.expected(both, **choice), WEIGHTS) > 0.2  # of another pattern; much is open
+
+
+def test_pixels_of_a_checkerboard_that_nothing_fits_are_the_mean_of_their_neighbours(
+    variant_runtime: Runtime, subject: Subject
+) -> None:
+    gbuffer = view_of("noisy", size=(16, 24))
+    a = subject.function(gbuffer, RADIUS, checkerboard=True, runtime=variant_runtime)
+    assert share_off(a, subject.expected(gbuffer, checkerboard=True), WEIGHTS) <= 25 * FLIPS
+    # Of depths without any surface nothing fits: pixels are as they were scanned, or between two such.
+    rng = np.random.default_rng(3)
+    facing = np.broadcast_to(gbuffer.camera.view[2, :3], (16, 24, 3)).astype(np.float32)
+    rough = replace(gbuffer, depth=rng.uniform(1.0, 3.0, (16, 24)).astype(np.float32), normal=facing)
+    a = subject.function(rough, RADIUS, checkerboard=True, runtime=variant_runtime)
+    assert share_off(a, subject.expected(rough, checkerboard=True), WEIGHTS) <= 25 * FLIPS
+    beside = 0.5 * (a[1:-1, :-2] + a[1:-1, 2:])
+    between = (np.indices(beside.shape).sum(axis=0)) % 2 == 1  # columns and rows from 1 on
+    assert np.mean(np.abs(a[1:-1, 1:-1] - beside)[between] < 1e-5) > 0.2
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 7), (7, 1), (2, 2), (5, SLICES_STRIP + 3)], ids=str)
+def test_a_checkerboard_of_a_plane_is_open(runtime: Runtime, subject: Subject, size: tuple[int, int]) -> None:
+    made = camera(size=size)
+    gbuffer = trace(made, [Plane((0.0, 0.0, -1.0), (0.0, 0.0, 1.0))])
+    a = subject.function(gbuffer, RADIUS, checkerboard=True, runtime=runtime)
+    np.testing.assert_allclose(a, 1.0, atol=ROUNDING)
+
+
+@pytest.mark.parametrize(
+    ("choice", "message"),
+    [
+        ({"resolution": "half"}, "checkerboard is True with resolution='half': expected 'full'"),
+        ({"blur_radius": 0}, "checkerboard is True with blur_radius=0: expected 1 or more"),
+        ({"blur_passes": 0}, "checkerboard is True with blur_passes=0: expected 1 or more"),
+    ],
+    ids=str,
+)
+def test_a_checkerboard_needs_full_size_and_a_blur(subject: Subject, choice: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        subject.params(checkerboard=True, **choice)
 
 
 # ---- against a formula

@@ -344,6 +344,10 @@ class Runtime:
         """Return a kernel of a file in kernels/, see `Programs.kernel`."""
         return self.programs.kernel(path, macros, structs, most_lanes=most_lanes)
 
+    def small_groups(self, items: int) -> Size | None:
+        """Return work-groups of so few work-items for a processor, whose cores share them evenly; a GPU chooses."""
+        return None if self.info.kind == "gpu" else (1, items)
+
     @property
     def builds(self) -> int:
         """Programs compiled so far, in all."""

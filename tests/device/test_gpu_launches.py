@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 
 import ssgi_cl as gi
 from ssgi_cl.core.errors import DeviceError, DeviceMemoryError
@@ -38,6 +39,16 @@ def drawn(runtime: Runtime) -> list[np.ndarray]:
 def test_a_gpu_gives_the_bits_of_a_processor(runtime: Runtime, as_gpu: Runtime) -> None:
     for found, wanted in zip(drawn(as_gpu), drawn(runtime), strict=True):
         np.testing.assert_array_equal(found, wanted)
+
+
+def test_a_gpu_clips_the_triangles_of_a_group_in_turns(runtime: Runtime, as_gpu: Runtime) -> None:
+    """A camera in a tunnel, all sides of which reach behind it: more than a group has rings for."""
+    tunnel = gi.rasterize.load_scene(trimesh.creation.cylinder(radius=1.0, height=10.0, sections=64))
+    camera = gi.Camera.look_at((0.1, 0.2, 0.0), (0.5, 0.3, -2.0), yfov=2.2, width=90, height=61)
+    found, wanted = (gi.rasterize.gbuffer(tunnel, camera, runtime=device) for device in (as_gpu, runtime))
+    assert np.isfinite(np.asarray(wanted.depth)).all()
+    for name in ("depth", "normal"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(wanted, name), err_msg=name)
 
 
 COUNT = """

@@ -150,7 +150,7 @@ class VplTree:
         self._make_runs.run(
             (1, 1),
             grid=(segments, self._runs),
-            local=(1, 8),
+            local=self.runtime.small_groups(8),
             records=self._records,
             bounds=self._bounds,
             params=packed,
@@ -174,7 +174,7 @@ class VplTree:
         self._mean.run(
             source.size,
             grid=(1, SAMPLES // self.runtime.variant.lanes),
-            local=(1, 4),
+            local=self.runtime.small_groups(4),
             depth=source.depth,
             normal=source.normal,
             list=samples,
@@ -191,7 +191,7 @@ class VplTree:
             self._other.run(
                 source.size,
                 grid=(1, SAMPLES // self.runtime.variant.lanes),
-                local=(1, 4),
+                local=self.runtime.small_groups(4),
                 light=plane,
                 list=samples,
                 found=self._found,
@@ -240,7 +240,7 @@ class VplTree:
         """
         lanes, is_gpu = self.runtime.variant.lanes, self.runtime.info.kind == "gpu"
         items = 1 << 30 if is_gpu else CPU_ITEMS * self.runtime.device.max_compute_units
-        local = (1, 64 if is_gpu else 1)
+        local = self.runtime.small_groups(1)
         pieces = GROUP // (self._rows * lanes)
         # Light too weak for a float32 is 0, and so is what may be left out of it.
         groups = -(-most // GROUP)

@@ -27,6 +27,8 @@ from ssgi_cl.device.opencl import opencl
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import make_scene
 
+from .drawn import polished
+
 RECORD = Path(__file__).with_name("counted_work.json")
 PAGE = Path(__file__).parents[1] / "docs/gpu.md"
 SIZE = (36, 48)
@@ -175,6 +177,10 @@ def _draw(path: Path) -> None:
     gi.bilateral_blur(np.asarray(gbuffer.albedo), gbuffer, runtime=runtime)
     gi.area_lights(gbuffer, scene=made.scene, runtime=runtime)
     gi.multires_splat(gbuffer, rsm, LIGHTS, runtime=runtime)
+    # All light, with rays against triangles; and what is reflected, below a sky.
+    gi.render(made.scene, camera, made.lights, vpls=LIGHTS, edges=0, **sizes)
+    lit = [*made.lights, gi.Environment(1.0)]
+    gi.render(polished(made.scene), camera, lights=lit, vpls=LIGHTS, preset="low", **sizes)
 
 
 def _write_page() -> None:

@@ -10,14 +10,16 @@
 //          bounds   of all segments, see cluster.clh
 //          limits   [1] is the tolerance, W/m^2, [2] all light over that of the lights
 // Writes:  kept     [groups][CUT_SAMPLE][CUT_GROUP] the samples, so that they are gathered once
-//          lists    [groups][params.capacity] numbers of records, in an order that depends on no
-//                   lane; + CUT_SHARED where all lights of the run of 64 share a shadow ray, +
-//                   CUT_BRIGHT where those of a run of 4 do
-//          counts   [groups]
-// Params:  CutParams: the first group and how many at most; scale from W/m^2 to the lights' unit;
+//          lists    [segments][groups][params.capacity] numbers of records, in an order that
+//                   depends on no lane; + CUT_SHARED where all lights of the run of 64 share a
+//                   shadow ray, + CUT_BRIGHT where those of a run of 4 do
+//          counts   [segments][groups]
+// Params:  CutParams: the first group and how many at most; segments from params.segment on, and
+//          lights of all; scale from W/m^2 to the lights' unit;
 //          share of the tolerance below which the light of a run of 64 is faint, and above which
 //          that of a run of 16 is bright
-// Launch:  any number of work-items, each of which takes every so-many-th group
+// Launch:  any number of work-items, each of which takes every so-many-th group; a row of
+//          work-groups for each segment
 // Cost:    per group 4 reads a sample, 200 operations for each run of 16, and 24 for each light
 //          and 90 for each run of 4 in those that are open
 
@@ -35,7 +37,7 @@
 static inline CutGroup cut_group(ssgi_plane depth, ssgi_plane normal,
                                  __global const int *restrict list, const int start,
                                  const int2 size, const SsgiCamera camera, const VplParams params,
-                                 __global float *restrict kept)
+                                 const bool keeps, __global float *restrict kept)
 {
     vfloat most[14];
 #pragma unroll
@@ -46,9 +48,11 @@ static inline CutGroup cut_group(ssgi_plane depth, ssgi_plane normal,
         const VplReceiver at =
             cut_receiver(depth, normal, cut_pixels(list, start + i), size, camera, params);
         const vfloat sample[CUT_SAMPLE] = {at.x, at.y, at.z, at.nx, at.ny, at.nz};
+        if (keeps) {
 #pragma unroll
-        for (int j = 0; j < CUT_SAMPLE; ++j) {
-            v_store(sample[j], kept + j * CUT_GROUP + i);
+            for (int j = 0; j < CUT_SAMPLE; ++j) {
+                v_store(sample[j], kept + j * CUT_GROUP + i);
+            }
         }
         const vfloat height = v_fma(at.nx, at.x, v_fma(at.ny, at.y, at.nz * at.z));
         const vfloat values[7] = {at.x, at.y, at.z, at.nx, at.ny, at.nz, height};
@@ -183,8 +187,16 @@ __kernel void cut_lists(ssgi_plane depth, ssgi_plane normal, __global const int 
                         const int2 size, const SsgiCamera camera, const VplParams params,
                         const CutParams cut)
 {
+    const int number = (int)get_group_id(1); // the same in a work-group
+    if (number >= cut.segments) {
+        return;
+    }
     const int stride = params.stride;
+    const int segment = params.segment + number;
+    const int lights = min(cut.lights - segment * stride, stride);
     const int runs = stride / 16;
+    lists += number * cut.groups * params.capacity;
+    counts += number * cut.groups;
     const int width = tree_width(stride);
     const int fours_width = 4 * width;
     const float tolerance = limits[1] * cut.scale;
@@ -192,14 +204,15 @@ __kernel void cut_lists(ssgi_plane depth, ssgi_plane normal, __global const int 
     const float faint = tolerance * cut.faint * clamp(limits[2] * CUT_OUTSHONE, 1.0f, 2.0f);
     // Where no error is allowed, all lights share rays alike.
     const float bright = tolerance > 0.0f ? tolerance * cut.bright : INFINITY;
-    bounds += params.segment * tree_first_bound(stride, 4);
+    bounds += segment * tree_first_bound(stride, 4);
     __global const float *restrict fours = bounds + tree_first_bound(stride, 1);
     __global const float *restrict sixteens = bounds + tree_first_bound(stride, 2);
     __global const float *restrict most = bounds + tree_first_bound(stride, 3);
     const int end = min(cut.groups, (list[0] + CUT_GROUP - 1) / CUT_GROUP - cut.first);
     for (int turn = 0, own = cut_own(0, end); own < end; own = cut_own(++turn, end)) {
-        const CutGroup group = cut_group(depth, normal, list, (cut.first + own) * CUT_GROUP, size,
-                                         camera, params, kept + own * (CUT_SAMPLE * CUT_GROUP));
+        const CutGroup group =
+            cut_group(depth, normal, list, (cut.first + own) * CUT_GROUP, size, camera, params,
+                      number == 0, kept + own * (CUT_SAMPLE * CUT_GROUP));
         __global int *restrict to = lists + own * params.capacity;
         CutStates states, shared;
         int count = 0;
@@ -228,7 +241,7 @@ __kernel void cut_lists(ssgi_plane depth, ssgi_plane normal, __global const int 
                 const int rays = cut_kept_state(&shared, run - begin) * CUT_SHARED;
                 if (state == CUT_OPEN) {
                     count = cut_append(bounds, stride, run, &parts, 4 * (run - first), &group,
-                                       params.count, rays, to, count);
+                                       lights, rays, to, count);
                 } else if (state != CUT_DARK) {
                     to[count] = rays | (state == CUT_FITS ? tree_first(stride, 2) + run
                                                           : tree_first(stride, 3) + run / 4);

@@ -14,6 +14,7 @@ from ssgi_cl.device.drivers import KernelVariant
 from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import cornell_box
+from ssgi_cl.techniques.vpl.packed_vpls import BATCH
 
 
 @pytest.fixture(scope="module")
@@ -28,11 +29,13 @@ def drawn(runtime: Runtime) -> list[np.ndarray]:
     made = cornell_box()
     gbuffer = gi.rasterize.gbuffer(made.scene, made.camera(100, 70), layers=2, attributes="all", runtime=runtime)
     lit = gi.rasterize.rsm(made.scene, made.lights[0], size=32, runtime=runtime)  # type: ignore[arg-type]
+    large = gi.rasterize.rsm(made.scene, made.lights[0], size=96, runtime=runtime)  # type: ignore[arg-type]
     return [
         np.asarray(gbuffer.depth),
         np.asarray(gbuffer.normal),
         gi.gtao(gbuffer, radius=0.1, runtime=runtime),
         gi.multires_splat(gbuffer, lit, 300, runtime=runtime),
+        gi.multires_splat(gbuffer, large, 3 * BATCH, runtime=runtime),  # a pass for all three batches, or each
     ]
 
 

@@ -110,6 +110,9 @@ def test_a_report_has_agreement_and_times(runtime: Runtime, monkeypatch: pytest.
         assert words in page
     found = json.loads((tmp_path / "a.json").read_text("utf-8"))
     assert found["size"] == [48, 64]
+    rendered = {each["name"]: each["ms"] for each in found["techniques"]["render"]}
+    assert rendered["raster_tiles"] > 0.0  # each view is another one
+    assert rendered["shade_list"] > 0.0
     (gtao,) = (each for each in found["techniques"]["gtao"] if each["name"] == "gtao")
     assert gtao["ms"] > 0.0
     assert gtao["predicted"] > 0.0

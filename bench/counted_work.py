@@ -1,8 +1,9 @@
 """Work of kernels, counted in a simulator, and the times that follow from it.
 
 `oclgrind --inst-counts python -m ssgi_cl.bench.counted_work FILE > LOG` draws small frames with default settings and
-notes the launches, `python -m ssgi_cl.bench.counted_work FILE --log LOG` makes `counted_work.json` of both. What is
-counted is a work-item's: that of image kernels does not grow with the image.
+notes the launches (with --build-options as in tests/stress/test_memory.py), `python -m ssgi_cl.bench.counted_work FILE
+--log LOG` makes `counted_work.json` of both; of a log that ends early, what it has. What is counted is a work-item's:
+that of image kernels does not grow with the image.
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ from ssgi_cl.device.drivers import DeviceInfo, KernelVariant
 from ssgi_cl.device.opencl import opencl
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import make_scene
+
+from .drawn import polished
 
 RECORD = Path(__file__).with_name("counted_work.json")
 PAGE = Path(__file__).parents[1] / "docs/gpu.md"
@@ -83,6 +86,8 @@ GPUS = {
 }
 """Name -> ceilings as their makers state them."""
 PIXELS = 3840 * 2160
+ITEMS = {"radiosity_start": 1 << 15, "radiosity_sky": 1 << 15, "occupancy_voxelize": 1 << 16}
+"""Work-items of kernels whose number does not grow with the image, for predictions; those of others are `PIXELS`."""
 
 
 def predicted_ms(work: Work, items: int, ceilings: Ceilings) -> float:
@@ -105,7 +110,7 @@ def markdown() -> str:
         "|---|" + "---:|" * (3 + len(GPUS)),
     ]
     for name, work in sorted(counted().items(), key=lambda item: -item[1].operations):
-        times = (f"{predicted_ms(work, PIXELS, ceilings):.2f}" for ceilings in GPUS.values())
+        times = (f"{predicted_ms(work, ITEMS.get(name, PIXELS), ceilings):.2f}" for ceilings in GPUS.values())
         numbers = f"{work.operations:.0f} | {work.reads:.1f} | {work.bytes:.0f}"
         lines.append(f"| {name} | {numbers} | {' | '.join(times)} |")
     return "\n".join(lines) + "\n"
@@ -175,6 +180,10 @@ def _draw(path: Path) -> None:
     gi.bilateral_blur(np.asarray(gbuffer.albedo), gbuffer, runtime=runtime)
     gi.area_lights(gbuffer, scene=made.scene, runtime=runtime)
     gi.multires_splat(gbuffer, rsm, LIGHTS, runtime=runtime)
+    # All light, with rays against triangles; and what is reflected, below a sky.
+    gi.render(made.scene, camera, made.lights, vpls=LIGHTS, edges=0, **sizes)
+    lit = [*made.lights, gi.Environment(1.0)]
+    gi.render(polished(made.scene), camera, lights=lit, vpls=LIGHTS, preset="low", **sizes)
 
 
 def _write_page() -> None:

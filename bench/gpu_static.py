@@ -7,8 +7,10 @@ compiled for devices that need not be there (`gpu_compile`). Of the variants of 
 from __future__ import annotations
 
 import json
+import os
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
 
@@ -55,30 +57,35 @@ def table(made: Iterable[Build], wanted: Sequence[str] = ()) -> Iterator[tuple[s
     """Yield what each kernel takes in either storage; of those `wanted` alone, if any are."""
     by_path: dict[str, list[Build]] = {}
     for build in made:
-        by_path.setdefault(build.path, []).append(build)
-    for path, each in sorted(by_path.items()):
-        name = Path(path).stem
-        for storage in STORAGES if not wanted or name in wanted else ():
+        if not wanted or Path(build.path).stem in wanted:
+            by_path.setdefault(build.path, []).append(build)
+    running: dict[tuple[object, ...], Future[dict[str, Usage]]] = {}
+    rows: list[tuple[str, list[Future[dict[str, Usage]]]]] = []
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for path, each in sorted(by_path.items()):
+            for storage in STORAGES:
+                row = []
+                for build in each:
+                    text, defined = _source(build, storage)
+                    key = (text, *defined.items())
+                    if key not in running:
+                        running[key] = pool.submit(usages, Path(path).stem, text, defined)
+                    row.append(running[key])
+                rows.append((f"{Path(path).stem}, {storage}", row))
+        for name, row in rows:
             found: dict[str, list[Usage]] = {}
-            for build in each:
-                for device, usage in _used(build, storage).items():
+            for future in row:
+                for device, usage in future.result().items():
                     found.setdefault(device, []).append(usage)
-            yield f"{name}, {storage}", {device: worst(listed) for device, listed in found.items()}
+            yield name, {device: worst(listed) for device, listed in found.items()}
 
 
-def _used(build: Build, storage: str) -> dict[str, Usage]:
-    """Return what a kernel takes in a storage; one without planes reads no images, whatever the storage."""
+def _source(build: Build, storage: str) -> tuple[str, dict[str, int]]:
+    """Return text and macros of a kernel in a storage; one without planes reads no images, whatever the storage."""
     planes = any(parameter.type == PLANE for parameter in build.kernel.signature.parameters)
     images = storage == "image" and planes
-    defined = defines(KernelVariant(1, "image" if images else "buffer"), build.macros, IMAGE_ROWS)
-    text = sources.flatten(build.path, "\n".join(struct.text for struct in build.structs))
-    key = (text, *defined.items())
-    if key not in _USED:
-        _USED[key] = usages(Path(build.path).stem, text, defined)
-    return _USED[key]
-
-
-_USED: dict[tuple[object, ...], dict[str, Usage]] = {}
+    defined = defines(KernelVariant(1, "image" if images else "buffer"), build.macros, IMAGE_ROWS if images else None)
+    return sources.flatten(build.path, "\n".join(struct.text for struct in build.structs)), defined
 
 
 def worse(found: Mapping[str, Mapping[str, Usage]], recorded: Mapping[str, Mapping[str, Usage]]) -> list[str]:

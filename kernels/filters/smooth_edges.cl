@@ -71,10 +71,12 @@ static inline SmoothPlace smooth_place(const int x, const int y, const vint tria
     return at;
 }
 
-// What the 3 x 3 pixels round each lane's show: their triangles, or -1, and materials. That of the
-// pixel itself is number 4.
+// What each lane's pixel shows and, where lanes share what finds it, the 3 x 3 round it: their
+// triangles, or -1, and materials. The pixel is number SMOOTH_MIDDLE. With one lane the others are
+// read again for each place: GPUs would keep an array in memory, behind what is read.
+#define SMOOTH_MIDDLE (SSGI_LANES == 1 ? 0 : 4)
 typedef struct {
-    vint triangle[9], material[9];
+    vint triangle[2 * SMOOTH_MIDDLE + 1], material[2 * SMOOTH_MIDDLE + 1];
     bool whole; // are the others there?
 } SmoothSquare;
 
@@ -151,9 +153,10 @@ static inline SmoothBest smooth_best(const SmoothPlace *at, const vmask changes,
                                      const int y, __global const int *restrict triangles,
                                      ssgi_plane depth, ssgi_plane normal, const RasterView view)
 {
-    SmoothBest best = {
-        v_imin(v_iota() + x, v_splat_int(in->size.x - 1)), v_splat_int(y),
-        smooth_score(at, square->triangle[4], square->material[4], 0, 0, in, x, y, depth, normal)};
+    SmoothBest best = {v_imin(v_iota() + x, v_splat_int(in->size.x - 1)), v_splat_int(y),
+                       smooth_score(at, square->triangle[SMOOTH_MIDDLE],
+                                    square->material[SMOOTH_MIDDLE], 0, 0, in, x, y, depth,
+                                    normal)};
     const vmask wants = changes & v_gt(best.score, v_splat(SMOOTH_OWN));
     if (!v_any(wants)) {
         return best;
@@ -163,13 +166,18 @@ static inline SmoothBest smooth_best(const SmoothPlace *at, const vmask changes,
         if (i == 4) {
             continue;
         }
+#if SSGI_LANES == 1
+        const vint seen = smooth_seen(in, x + dx, y + dy, triangles, view);
+        const vint material = smooth_material(in->faces, seen);
+#else
         if (!square->whole) {
             square->triangle[i] = smooth_seen(in, x + dx, y + dy, triangles, view);
             square->material[i] = smooth_material(in->faces, square->triangle[i]);
         }
+        const vint seen = square->triangle[i], material = square->material[i];
+#endif
         if (y + dy >= 0 && y + dy < in->size.y) {
-            smooth_try(&best, wants, at, square->triangle[i], square->material[i], dx, dy, in, x, y,
-                       depth, normal);
+            smooth_try(&best, wants, at, seen, material, dx, dy, in, x, y, depth, normal);
         }
     }
     square->whole = true;
@@ -207,8 +215,8 @@ __kernel void smooth_edges(__global const int *restrict triangles,
     const vmask inside = v_within(v_iota() + x, size.x);
     const SmoothImage in = {size, whole, (whole - size) / 2, camera, faces};
     SmoothSquare square;
-    square.triangle[4] = centre;
-    square.material[4] = smooth_material(faces, centre);
+    square.triangle[SMOOTH_MIDDLE] = centre;
+    square.material[SMOOTH_MIDDLE] = smooth_material(faces, centre);
     square.whole = false;
     vfloat own[3], mean[3];
     for (int c = 0; c < 3; ++c) {

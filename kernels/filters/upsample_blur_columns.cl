@@ -61,8 +61,8 @@ __kernel void upsample_blur_columns(ssgi_plane rows, ssgi_plane coarse, ssgi_pla
         total[r] = v_splat(0.0f);
     }
     // Indices and weights that only grow: what is left to the loop is hardly more than its samples.
-    int at = ssgi_index(whole, 0, at_x, y + first * step + params.margin_rows);
-    int value_at = ssgi_index(wide, 0, x, row + first);
+    int at = ssgi_pixel(whole, at_x, y + first * step + params.margin_rows);
+    int value_at = ssgi_pixel(wide, x, row + first);
     int distance = BLUR_RADIUS + UPSAMPLE_STEP + first * step;
     for (int d = first; d <= last; ++d) {
         const vfloat value = ssgi_load_at(rows, wide, 0, value_at);
@@ -79,8 +79,8 @@ __kernel void upsample_blur_columns(ssgi_plane rows, ssgi_plane coarse, ssgi_pla
             total[r] = total[r] + weight;
             off[r] = off[r] + step_y[r];
         }
-        at += step * ssgi_pitch(whole);
-        value_at += ssgi_pitch(wide);
+        at += step * ssgi_below(whole);
+        value_at += ssgi_below(wide);
         distance += step;
     }
 #pragma unroll

@@ -72,8 +72,8 @@ __kernel void upsample_blur_rows(ssgi_plane coarse, ssgi_plane coarse_linear,
     }
     // Beside the image, linear is INFINITY unless there is a margin; coarse is nothing in any case.
     const bool cut = params.margin_columns > 0 && (x < -first || x + SSGI_LANES + last > small.x);
-    int at = ssgi_index(small_whole, 0, from_x + first, from_y);
-    int value_at = ssgi_index(small, 0, x + first, y);
+    int at = ssgi_pixel(small_whole, from_x + first, from_y);
+    int value_at = ssgi_pixel(small, x + first, y);
     int distance = BLUR_RADIUS + UPSAMPLE_STEP + first * step;
     for (int d = first; d <= last; ++d) {
         vfloat u = ssgi_load_at(coarse_linear, small_whole, 0, at);

@@ -10,14 +10,16 @@
 //          bounds   of all segments, see cluster.clh
 //          limits   [1] is the tolerance, W/m^2, [2] all light over that of the lights
 // Writes:  kept     [groups][CUT_SAMPLE][CUT_GROUP] the samples, so that they are gathered once
-//          lists    [groups][params.capacity] numbers of records, in an order that depends on no
-//                   lane; + CUT_SHARED where all lights of the run of 64 share a shadow ray, +
-//                   CUT_BRIGHT where those of a run of 4 do
-//          counts   [groups]
-// Params:  CutParams: the first group and how many at most; scale from W/m^2 to the lights' unit;
+//          lists    [segments][groups][params.capacity] numbers of records, in an order that
+//                   depends on no lane; + CUT_SHARED where all lights of the run of 64 share a
+//                   shadow ray, + CUT_BRIGHT where those of a run of 4 do
+//          counts   [segments][groups]
+// Params:  CutParams: the first group and how many at most; segments from params.segment on, and
+//          lights of all; scale from W/m^2 to the lights' unit;
 //          share of the tolerance below which the light of a run of 64 is faint, and above which
 //          that of a run of 16 is bright
-// Launch:  any number of work-items, each of which takes every so-many-th group
+// Launch:  any number of work-items, each of which takes every so-many-th group; a row of
+//          work-groups for each segment
 // Cost:    per group 4 reads a sample, 200 operations for each run of 16, and 24 for each light
 //          and 90 for each run of 4 in those that are open
 
@@ -25,13 +27,17 @@
 #include "common/gbuffer.clh"
 #include "multires/cut.clh"
 
+#if CUT_BRIGHT != 2 * CUT_SHARED
+#error "CUT_BRIGHT is twice CUT_SHARED"
+#endif
+
 #define CUT_OUTSHONE 0.2f // 1 / that ratio from which on more lights share a shadow ray
 
 // What bounds the samples of a group, which are kept.
 static inline CutGroup cut_group(ssgi_plane depth, ssgi_plane normal,
                                  __global const int *restrict list, const int start,
                                  const int2 size, const SsgiCamera camera, const VplParams params,
-                                 __global float *restrict kept)
+                                 const bool keeps, __global float *restrict kept)
 {
     vfloat most[14];
 #pragma unroll
@@ -42,9 +48,11 @@ static inline CutGroup cut_group(ssgi_plane depth, ssgi_plane normal,
         const VplReceiver at =
             cut_receiver(depth, normal, cut_pixels(list, start + i), size, camera, params);
         const vfloat sample[CUT_SAMPLE] = {at.x, at.y, at.z, at.nx, at.ny, at.nz};
+        if (keeps) {
 #pragma unroll
-        for (int j = 0; j < CUT_SAMPLE; ++j) {
-            v_store(sample[j], kept + j * CUT_GROUP + i);
+            for (int j = 0; j < CUT_SAMPLE; ++j) {
+                v_store(sample[j], kept + j * CUT_GROUP + i);
+            }
         }
         const vfloat height = v_fma(at.nx, at.x, v_fma(at.ny, at.y, at.nz * at.z));
         const vfloat values[7] = {at.x, at.y, at.z, at.nx, at.ny, at.nz, height};
@@ -81,20 +89,49 @@ static inline vint cut_state(const CutTest test)
     return v_iselect(open, v_splat_int(CUT_DARK), test.dark);
 }
 
-// Appends what is listed of a run of 16, given the states of its four parts; returns the new count.
-static inline int cut_append(__global const float *restrict bounds, const int stride, const int run,
-                             const int *parts, const CutGroup *group, const int lights,
-                             const int shared, __global int *restrict to, int count)
+// States of up to 16 runs, or which lights share their rays. With one lane they are bits of a
+// number: variables index no registers, and GPUs would keep an array in memory.
+typedef struct {
+#if SSGI_LANES == 1
+    uint bits;
+#else
+    int at[16];
+#endif
+} CutStates;
+
+static inline void cut_keep(CutStates *states, const vint state, const int i)
 {
-    // Of each light, or of its part at the first of four: the record, and -1 where it is listed.
-    int record[16], listed[16];
-#pragma unroll
+#if SSGI_LANES == 1
+    states->bits = (i == 0 ? 0 : states->bits) | (uint)state << 2 * i;
+#else
+    v_ikeep(state, states->at + i);
+#endif
+}
+
+static inline int cut_kept_state(const CutStates *states, const int i)
+{
+#if SSGI_LANES == 1
+    return (int)(states->bits >> 2 * i & 3);
+#else
+    return states->at[i];
+#endif
+}
+
+// Appends what is listed of a run of 16, given the states of its parts from number `first` on;
+// returns the new count.
+static inline int cut_append(__global const float *restrict bounds, const int stride, const int run,
+                             const CutStates *parts, const int first, const CutGroup *group,
+                             const int lights, const int shared, __global int *restrict to,
+                             int count)
+{
+    const int part[4] = {cut_kept_state(parts, first), cut_kept_state(parts, first + 1),
+                         cut_kept_state(parts, first + 2), cut_kept_state(parts, first + 3)};
     for (int i = 0; i < 16; i += SSGI_LANES) {
         const vint n = v_iota() + i;
-        vint state = v_splat_int(parts[0]);
+        vint state = v_splat_int(part[0]);
 #pragma unroll
-        for (int part = 1; part < 4; ++part) {
-            state = v_iselect(state, v_splat_int(parts[part]), v_ige(n, v_splat_int(4 * part)));
+        for (int j = 1; j < 4; ++j) {
+            state = v_iselect(state, v_splat_int(part[j]), v_ige(n, v_splat_int(4 * j)));
         }
         const vint light = n + 16 * run;
         const vmask open = v_ieq(state, v_splat_int(CUT_OPEN));
@@ -103,16 +140,44 @@ static inline int cut_append(__global const float *restrict bounds, const int st
         if (v_any(open)) {
             lit = lit & ~cut_dark(bounds, stride, 16 * run + i, group);
         }
-        v_ikeep(v_iselect((n >> 2) + (stride + 4 * run), light, open), record + i);
-        v_ikeep((open & lit) | (v_ieq(state, v_splat_int(CUT_FITS)) & leads), listed + i);
-    }
-    // What is not listed is written over; branches would be guessed wrong too often.
+        // Of each light, or of its part at the first of four: the record, and -1 where it is
+        // listed.
+        int record[SSGI_LANES], listed[SSGI_LANES];
+        v_ikeep(v_iselect((n >> 2) + (stride + 4 * run), light, open), record);
+        v_ikeep((open & lit) | (v_ieq(state, v_splat_int(CUT_FITS)) & leads), listed);
+        // What is not listed is written over; branches would be guessed wrong too often.
 #pragma unroll
-    for (int i = 0; i < 16; ++i) {
-        to[count] = record[i] | shared;
-        count -= listed[i];
+        for (int lane = 0; lane < SSGI_LANES; ++lane) {
+            to[count] = record[lane] | shared;
+            count -= listed[lane];
+        }
     }
     return count;
+}
+
+// Runs of 16 that are looked at together: those of a run of 64, and as many as there are lanes.
+#define CUT_TOGETHER (SSGI_LANES > 4 ? SSGI_LANES : 4)
+
+// Of such runs from number `begin` on: states, and 0, 1 (CUT_SHARED) or 2 (CUT_BRIGHT).
+static inline void cut_states(__global const float *restrict most,
+                              __global const float *restrict sixteens, const int width,
+                              const int begin, const CutGroup *group, const float tolerance,
+                              const float faint, const float bright, CutStates *states,
+                              CutStates *shared)
+{
+    for (int i = 0; i < CUT_TOGETHER; i += SSGI_LANES) {
+        const int run = begin + i; // there are as many as lanes load
+        const CutTest whole = cut_test(most, width, run, group, tolerance);
+        const CutTest part = cut_test(sixteens, width, run, group, tolerance);
+        // A run of 64 is listed at the first of its four parts.
+        const vmask leads = v_ieq((v_iota() + run) & 3, v_splat_int(0));
+        const vint listed = v_iselect(v_splat_int(CUT_DARK), v_splat_int(CUT_MOST), leads);
+        cut_keep(states, v_iselect(cut_state(part), listed, whole.fits & ~whole.dark), i);
+        const vmask weak = cut_faint(most, width, run, group, faint);
+        const vmask strong = ~cut_faint(sixteens, width, run, group, bright);
+        const vint rays = v_iselect(v_splat_int(0), v_splat_int(2), strong);
+        cut_keep(shared, v_iselect(rays, v_splat_int(1), weak), i);
+    }
 }
 
 __kernel void cut_lists(ssgi_plane depth, ssgi_plane normal, __global const int *restrict list,
@@ -122,8 +187,16 @@ __kernel void cut_lists(ssgi_plane depth, ssgi_plane normal, __global const int 
                         const int2 size, const SsgiCamera camera, const VplParams params,
                         const CutParams cut)
 {
+    const int number = (int)get_group_id(1); // the same in a work-group
+    if (number >= cut.segments) {
+        return;
+    }
     const int stride = params.stride;
+    const int segment = params.segment + number;
+    const int lights = min(cut.lights - segment * stride, stride);
     const int runs = stride / 16;
+    lists += number * cut.groups * params.capacity;
+    counts += number * cut.groups;
     const int width = tree_width(stride);
     const int fours_width = 4 * width;
     const float tolerance = limits[1] * cut.scale;
@@ -131,54 +204,47 @@ __kernel void cut_lists(ssgi_plane depth, ssgi_plane normal, __global const int 
     const float faint = tolerance * cut.faint * clamp(limits[2] * CUT_OUTSHONE, 1.0f, 2.0f);
     // Where no error is allowed, all lights share rays alike.
     const float bright = tolerance > 0.0f ? tolerance * cut.bright : INFINITY;
-    bounds += params.segment * tree_first_bound(stride, 4);
+    bounds += segment * tree_first_bound(stride, 4);
     __global const float *restrict fours = bounds + tree_first_bound(stride, 1);
     __global const float *restrict sixteens = bounds + tree_first_bound(stride, 2);
     __global const float *restrict most = bounds + tree_first_bound(stride, 3);
     const int end = min(cut.groups, (list[0] + CUT_GROUP - 1) / CUT_GROUP - cut.first);
     for (int turn = 0, own = cut_own(0, end); own < end; own = cut_own(++turn, end)) {
-        const CutGroup group = cut_group(depth, normal, list, (cut.first + own) * CUT_GROUP, size,
-                                         camera, params, kept + own * (CUT_SAMPLE * CUT_GROUP));
+        const CutGroup group =
+            cut_group(depth, normal, list, (cut.first + own) * CUT_GROUP, size, camera, params,
+                      number == 0, kept + own * (CUT_SAMPLE * CUT_GROUP));
         __global int *restrict to = lists + own * params.capacity;
-        // Of runs of 64 and 16.
-        int states[TREE_MOST_RUNS];
-        int shared[TREE_MOST_RUNS]; // CUT_SHARED, CUT_BRIGHT or 0
-        for (int run = 0; run < runs; run += SSGI_LANES) {
-            const CutTest whole = cut_test(most, width, run, &group, tolerance);
-            const CutTest part = cut_test(sixteens, width, run, &group, tolerance);
-            // A run of 64 is listed at the first of its four parts.
-            const vmask leads = v_ieq((v_iota() + run) & 3, v_splat_int(0));
-            const vint listed = v_iselect(v_splat_int(CUT_DARK), v_splat_int(CUT_MOST), leads);
-            v_ikeep(v_iselect(cut_state(part), listed, whole.fits & ~whole.dark), states + run);
-            const vmask weak = cut_faint(most, width, run, &group, faint);
-            const vmask strong = ~cut_faint(sixteens, width, run, &group, bright);
-            const vint rays = v_iselect(v_splat_int(0), v_splat_int(CUT_BRIGHT), strong);
-            v_ikeep(v_iselect(rays, v_splat_int(CUT_SHARED), weak), shared + run);
-        }
+        CutStates states, shared;
         int count = 0;
         const int next = (cut.first + cut_own(turn + 1, end)) * CUT_GROUP;
         const int asked = (4 * CUT_GROUP + runs - 1) / runs;
         for (int first = 0; first < runs; first += 4) {
+            const int begin = first / CUT_TOGETHER * CUT_TOGETHER;
+            if (first == begin) {
+                cut_states(most, sixteens, width, begin, &group, tolerance, faint, bright, &states,
+                           &shared);
+            }
             const int ask = next + first / 4 * asked;
             cut_ask(depth, normal, list, ask, min(ask + asked, next + CUT_GROUP), size, params);
             const int last = min(first + 4, runs);
             bool open = false;
             for (int run = first; run < last; ++run) {
-                open = open || states[run] == CUT_OPEN;
+                open = open || cut_kept_state(&states, run - begin) == CUT_OPEN;
             }
-            int parts[16]; // of 4
+            CutStates parts; // of 4
             for (int i = 0; i < 16 && open; i += SSGI_LANES) {
-                const int at = 4 * first + i;
-                v_ikeep(cut_state(cut_test(fours, fours_width, at, &group, tolerance)), parts + i);
+                const CutTest part = cut_test(fours, fours_width, 4 * first + i, &group, tolerance);
+                cut_keep(&parts, cut_state(part), i);
             }
             for (int run = first; run < last; ++run) {
-                if (states[run] == CUT_OPEN) {
-                    count = cut_append(bounds, stride, run, parts + 4 * (run - first), &group,
-                                       params.count, shared[run], to, count);
-                } else if (states[run] != CUT_DARK) {
-                    to[count] =
-                        shared[run] | (states[run] == CUT_FITS ? tree_first(stride, 2) + run
-                                                               : tree_first(stride, 3) + run / 4);
+                const int state = cut_kept_state(&states, run - begin);
+                const int rays = cut_kept_state(&shared, run - begin) * CUT_SHARED;
+                if (state == CUT_OPEN) {
+                    count = cut_append(bounds, stride, run, &parts, 4 * (run - first), &group,
+                                       lights, rays, to, count);
+                } else if (state != CUT_DARK) {
+                    to[count] = rays | (state == CUT_FITS ? tree_first(stride, 2) + run
+                                                          : tree_first(stride, 3) + run / 4);
                     count += 1;
                 }
             }

@@ -4,7 +4,7 @@
 // Method:  as vpl/vpl_splat.cl: E = sum over the list of flux * w, w = cos cos / (pi d^2 + A).
 // Reads:   list     how many samples there are, and so many times row << 16 | column
 //          samples  as cut_lists keeps them
-//          records  of all segments, see cluster.clh
+//          all_records  of all segments, see cluster.clh
 //          lists, counts  see cut_lists
 //          lights   [segments][params.span][TREE_RECORD] of which the parts; with SHADE_PARTS alone
 //          occupancy, grid_box  with VPL_VISIBILITY alone; see occupancy/grid.clh
@@ -16,9 +16,10 @@
 //          SHADE_LINE (lights that share a shadow ray: runs of 4: 1, of 16: 2, or of 64: 3; those
 //          that are listed with CUT_SHARED: of 64; with CUT_BRIGHT: of 4),
 //          SHADE_PARTS (1: lights give way to their 16 parts near by, as in vpl/vpl_splat.cl)
-// Params:  CutParams: first group, groups at most; camera: the samples' (VPL_VISIBILITY 1)
-// Launch:  any number of work-items, each of which takes every so-many-th piece of a group
-// Cost:    24 operations and a division per sample and light of its list; with VPL_VISIBILITY, some
+// Params:  CutParams: first group, groups at most, segments from params.segment on; camera: the
+// samples' (VPL_VISIBILITY 1) Launch:  any number of work-items, each of which takes every
+// so-many-th piece of a group Cost:    24 operations and a division per sample and light of its
+// list; with VPL_VISIBILITY, some
 //          20 reads per sample and view ray
 
 #include "common/camera.clh"
@@ -106,8 +107,8 @@ static inline void shade_parts(__global const float *restrict parts, const vfloa
 #endif
 
 __kernel void shade_list(__global const int *restrict list, __global const float *restrict samples,
-                         __global const float *restrict records, __global const int *restrict lists,
-                         __global const int *restrict counts,
+                         __global const float *restrict all_records,
+                         __global const int *restrict lists, __global const int *restrict counts,
 #if SHADE_PARTS
                          __global const float *restrict lights,
 #endif
@@ -123,10 +124,6 @@ __kernel void shade_list(__global const int *restrict list, __global const float
 {
     const int listed = list[0];
     const vfloat zero = v_splat(0.0f);
-    records += params.segment * tree_first(params.stride, 4) * TREE_RECORD;
-#if SHADE_PARTS
-    lights += (params.segment * params.span + params.stride) * TREE_RECORD;
-#endif
     const int pieces = min(cut.groups * SHADE_PIECES,
                            (listed + SHADE_PIECE - 1) / SHADE_PIECE - cut.first * SHADE_PIECES);
     for (int turn = 0, own = cut_own(0, pieces); own < pieces; own = cut_own(++turn, pieces)) {
@@ -135,11 +132,9 @@ __kernel void shade_list(__global const int *restrict list, __global const float
         __global const float *restrict kept =
             samples + group * (CUT_SAMPLE * CUT_GROUP) + own % SHADE_PIECES * SHADE_PIECE;
         VplReceiver at[SHADE_ROWS];
-        vfloat sum[SHADE_ROWS][3];
 #pragma unroll
         for (int r = 0; r < SHADE_ROWS; ++r) {
             at[r] = cut_kept(kept, r * SSGI_LANES);
-            sum[r][0] = sum[r][1] = sum[r][2] = zero;
         }
 #if VPL_VISIBILITY
         ShadeEnd eye[SHADE_ROWS];
@@ -153,93 +148,112 @@ __kernel void shade_list(__global const int *restrict list, __global const float
                 occupancy_cell(at[r].x, at[r].y, at[r].z, at[r].nx, at[r].ny, at[r].nz, grid_box);
             eye[r] = shade_towards(occupancy, eye[r], at[r], camera);
 #endif
-            open[r] = v_splat_int(-1);
         }
-        int latest = -1; // run that `open` is about
 #endif
         cut_ask_values(fractions, values, list, start, start + SHADE_PIECE, size);
-        const int count = counts[group];
-        __global const int *restrict chosen = lists + group * params.capacity;
-        for (int block = 0; block < count; block += SHADE_BLOCK) {
-            const int end = min(block + SHADE_BLOCK, count);
-            vfloat part[SHADE_ROWS][3];
+        for (int number = 0; number < cut.segments; ++number) {
+            const int segment = params.segment + number;
+            __global const float *restrict records =
+                all_records + segment * tree_first(params.stride, 4) * TREE_RECORD;
+#if SHADE_PARTS
+            __global const float *restrict parts =
+                lights + (segment * params.span + params.stride) * TREE_RECORD;
+#endif
+            vfloat sum[SHADE_ROWS][3];
 #pragma unroll
             for (int r = 0; r < SHADE_ROWS; ++r) {
-                part[r][0] = part[r][1] = part[r][2] = zero;
-            }
-            for (int i = block; i < end; ++i) {
-                const int record = chosen[i] & (CUT_SHARED - 1);
-                __global const float *restrict light = records + record * TREE_RECORD;
+                sum[r][0] = sum[r][1] = sum[r][2] = zero;
 #if VPL_VISIBILITY
-                const int kind = chosen[i] - record;
-                const int line = kind == CUT_SHARED ? 3 : kind == CUT_BRIGHT ? 1 : SHADE_LINE;
-                const int run = shade_run(record, params.stride, line);
-                if (run != latest) {
-                    latest = run;
-#if VPL_VISIBILITY == 2
-                    const ShadeEnd goal = shade_end(records, run, rays);
-#else
-                    const ShadeEnd goal = shade_end(records, run, grid_box);
+                open[r] = v_splat_int(-1);
 #endif
-#pragma unroll
-                    for (int r = 0; r < SHADE_ROWS; ++r) {
-#if VPL_VISIBILITY == 2
-                        open[r] = ~rays_hidden(nodes, triangles, eye[r], goal, at[r].there);
-#else
-                        open[r] = ~occupancy_blocked(occupancy, eye[r], goal, at[r].there);
+            }
+#if VPL_VISIBILITY
+            int latest = -1; // run that `open` is about
 #endif
-                    }
-                }
-#endif
+            const int listing = number * cut.groups + group;
+            const int count = counts[listing];
+            __global const int *restrict chosen = lists + listing * params.capacity;
+            for (int block = 0; block < count; block += SHADE_BLOCK) {
+                const int end = min(block + SHADE_BLOCK, count);
+                vfloat part[SHADE_ROWS][3];
 #pragma unroll
                 for (int r = 0; r < SHADE_ROWS; ++r) {
+                    part[r][0] = part[r][1] = part[r][2] = zero;
+                }
+                for (int i = block; i < end; ++i) {
+                    const int record = chosen[i] & (CUT_SHARED - 1);
+                    __global const float *restrict light = records + record * TREE_RECORD;
 #if VPL_VISIBILITY
-                    vfloat w = v_select(zero, vpl_weight(light, at[r], params), open[r]);
+                    const int kind = chosen[i] - record;
+                    const int line = kind == CUT_SHARED ? 3 : kind == CUT_BRIGHT ? 1 : SHADE_LINE;
+                    const int run = shade_run(record, params.stride, line);
+                    if (run != latest) {
+                        latest = run;
+#if VPL_VISIBILITY == 2
+                        const ShadeEnd goal = shade_end(records, run, rays);
 #else
-                    vfloat w = vpl_weight(light, at[r], params);
+                        const ShadeEnd goal = shade_end(records, run, grid_box);
 #endif
-#if SHADE_PARTS
-                    if (record < params.stride) {
-                        vfloat near = vpl_parts_share(light, at[r], params);
-#if VPL_VISIBILITY
-                        near = v_select(zero, near, open[r]);
+#pragma unroll
+                        for (int r = 0; r < SHADE_ROWS; ++r) {
+#if VPL_VISIBILITY == 2
+                            open[r] = ~rays_hidden(nodes, triangles, eye[r], goal, at[r].there);
+#else
+                            open[r] = ~occupancy_blocked(occupancy, eye[r], goal, at[r].there);
 #endif
-                        w = v_fma(-near, w, w);
-                        if (v_any(v_gt(near, zero))) {
-                            shade_parts(lights + 16 * (int)light[TREE_NUMBER] * TREE_RECORD, near,
-                                        at[r], params, part[r]);
                         }
                     }
 #endif
 #pragma unroll
+                    for (int r = 0; r < SHADE_ROWS; ++r) {
+#if VPL_VISIBILITY
+                        vfloat w = v_select(zero, vpl_weight(light, at[r], params), open[r]);
+#else
+                        vfloat w = vpl_weight(light, at[r], params);
+#endif
+#if SHADE_PARTS
+                        if (record < params.stride) {
+                            vfloat near = vpl_parts_share(light, at[r], params);
+#if VPL_VISIBILITY
+                            near = v_select(zero, near, open[r]);
+#endif
+                            w = v_fma(-near, w, w);
+                            if (v_any(v_gt(near, zero))) {
+                                shade_parts(parts + 16 * (int)light[TREE_NUMBER] * TREE_RECORD,
+                                            near, at[r], params, part[r]);
+                            }
+                        }
+#endif
+#pragma unroll
+                        for (int j = 0; j < 3; ++j) {
+                            part[r][j] = v_fma(w, v_splat(light[8 + j]), part[r][j]);
+                        }
+                    }
+                }
+#pragma unroll
+                for (int r = 0; r < SHADE_ROWS; ++r) {
+#pragma unroll
                     for (int j = 0; j < 3; ++j) {
-                        part[r][j] = v_fma(w, v_splat(light[8 + j]), part[r][j]);
+                        sum[r][j] = sum[r][j] + part[r][j];
                     }
                 }
             }
 #pragma unroll
             for (int r = 0; r < SHADE_ROWS; ++r) {
+                if (start + r * SSGI_LANES >= listed) {
+                    break;
+                }
+                // Past the list's end the last sample comes again, with the same value.
+                const vint pixel = cut_pixels(list, start + r * SSGI_LANES);
+                const vint column = pixel & 0xffff, row = pixel >> 16;
+                const vint to = row * ssgi_pitch(size) + column;
+                const vfloat share = ssgi_gather(fractions, size, 0, column, row);
 #pragma unroll
                 for (int j = 0; j < 3; ++j) {
-                    sum[r][j] = sum[r][j] + part[r][j];
+                    __global float *restrict image = values + ssgi_index(size, j, 0, 0);
+                    const vfloat value = v_min(sum[r][j] * params.gain, v_splat(VPL_BRIGHTEST));
+                    v_scatter(v_fma(share, value, v_gather(image, to)), image, to);
                 }
-            }
-        }
-#pragma unroll
-        for (int r = 0; r < SHADE_ROWS; ++r) {
-            if (start + r * SSGI_LANES >= listed) {
-                break;
-            }
-            // Past the list's end the last sample comes again, with the same value.
-            const vint pixel = cut_pixels(list, start + r * SSGI_LANES);
-            const vint column = pixel & 0xffff, row = pixel >> 16;
-            const vint to = row * ssgi_pitch(size) + column;
-            const vfloat share = ssgi_gather(fractions, size, 0, column, row);
-#pragma unroll
-            for (int j = 0; j < 3; ++j) {
-                __global float *restrict image = values + ssgi_index(size, j, 0, 0);
-                const vfloat value = v_min(sum[r][j] * params.gain, v_splat(VPL_BRIGHTEST));
-                v_scatter(v_fma(share, value, v_gather(image, to)), image, to);
             }
         }
     }

@@ -81,11 +81,8 @@ __kernel void subsplat_shade(ssgi_plane depth, ssgi_plane normal, __global const
         }
 #pragma unroll
         for (int r = 0; r < SUBSPLAT_ROWS; ++r) {
-            if (start + r * SSGI_LANES >= listed) {
-                break;
-            }
 #pragma unroll
-            for (int j = 0; j < 3; ++j) {
+            for (int j = 0; j < 3 && start + r * SSGI_LANES < listed; ++j) {
                 __global float *restrict channel = values + ssgi_index(size, j, 0, 0);
                 const vfloat value = v_min(sum[r][j] * params.gain, v_splat(VPL_BRIGHTEST));
                 v_scatter(value + v_gather(channel, to[r]), channel, to[r]);

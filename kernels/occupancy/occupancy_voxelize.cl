@@ -105,6 +105,12 @@ static inline vfloat voxel_area(const vfloat u, const float v, const float au, c
     return (u - au) * (bv - av) - (v - av) * (bu - au);
 }
 
+// A coordinate; a variable that indexed them would have them in memory.
+static inline float voxel_along(const VoxelCorner *corner, const int axis)
+{
+    return axis == 0 ? corner->at[0] : axis == 1 ? corner->at[1] : corner->at[2];
+}
+
 // Mark what a triangle occupies along the axes whose bits are set, in every so-many-th row of
 // columns from `slice` on; ia, ib, ic are its vertices.
 static inline void
@@ -120,9 +126,9 @@ voxel_mark(const VoxelCorner a, const VoxelCorner b, const VoxelCorner c, const 
             continue;
         }
         const int iu = axis == 2 ? 0 : axis + 1, iv = axis == 0 ? 2 : axis - 1;
-        const float au = a.at[iu], av = a.at[iv], aw = a.at[axis];
-        const float bu = b.at[iu], bv = b.at[iv], bw = b.at[axis];
-        const float cu = c.at[iu], cv = c.at[iv], cw = c.at[axis];
+        const float au = voxel_along(&a, iu), av = voxel_along(&a, iv), aw = voxel_along(&a, axis);
+        const float bu = voxel_along(&b, iu), bv = voxel_along(&b, iv), bw = voxel_along(&b, axis);
+        const float cu = voxel_along(&c, iu), cv = voxel_along(&c, iv), cw = voxel_along(&c, axis);
         // Columns have their centres at whole cells and a half.
         const float most = (float)OCCUPANCY_CELLS;
         const float low_u = clamp(min(min(au, bu), cu) - VOXEL_EDGE, 0.0f, most);

@@ -20,7 +20,7 @@
 // Macros:  RASTER_BOXED: triangles per box; RASTER_RUN: per work-item, of which a box holds a whole
 //          number, a multiple of the lanes; RASTER_SPREAD, see bounds.clh
 // Params:  size = (triangles, 1); near plane; camera
-// Launch:  a work-item for each run
+// Launch:  a work-item for each run; with RASTER_RUN 1 in work-groups of SSGI_GROUP
 
 #include "common/camera.clh"
 #include "raster/boxes.clh"
@@ -32,6 +32,9 @@
 
 #if !defined(RASTER_BOXED) || !defined(RASTER_RUN)
 #error "RASTER_BOXED and RASTER_RUN must be defined by the host"
+#endif
+#ifndef SSGI_GROUP
+#error "ssgi_cl/device/constants.py defines SSGI_GROUP"
 #endif
 
 // What is read of triangles.
@@ -49,11 +52,35 @@ static inline float3 raster_vertex(__global const float *restrict planar, const 
     return (float3)(planar[i], planar[stride + i], planar[2 * stride + i]);
 }
 
-// Make records of `count` triangles, at most SSGI_LANES, with these numbers.
-static inline void raster_records(const int *triangles, const int count, const RasterMesh mesh,
-                                  const RasterLists lists, const SsgiCamera camera,
-                                  const RasterView params)
+// Add the corners of a record's triangle to a polygon, and clip it.
+static inline void raster_clip_triangle(const RasterMesh mesh, RasterPolygon *polygon,
+                                        const RasterRecord record, const int back,
+                                        const RasterLists lists, const SsgiCamera camera,
+                                        const RasterView params)
 {
+    polygon->first = polygon->count = 0;
+    for (int i = 0; i < 3; ++i) {
+        const int vertex = mesh.corners[i * mesh.stride + record.triangle];
+        raster_add(polygon, raster_vertex(mesh.view, params.vertex_stride, vertex));
+    }
+    raster_clip(camera, polygon, record, back, lists, params);
+}
+
+// A record whose triangle is to be clipped.
+typedef struct {
+    RasterRecord record;
+    int back; // as raster_append takes it
+    bool clips;
+} RasterPending;
+
+// Make records of `count` triangles, at most SSGI_LANES, with these numbers. With RASTER_RUN 1 one
+// that is to be clipped is left to the caller.
+static inline RasterPending raster_records(const int *triangles, const int count,
+                                           const RasterMesh mesh, const RasterLists lists,
+                                           const SsgiCamera camera, const RasterView params)
+{
+    RasterPending pending;
+    pending.clips = false;
     vint id = v_splat_int(0);
     for (int lane = 0; lane < SSGI_LANES; ++lane) {
         ((int *)&id)[lane] = triangles[min(lane, count - 1)];
@@ -107,16 +134,18 @@ static inline void raster_records(const int *triangles, const int count, const R
         const bool culled = params.back != 0 && !ready[lane] && mesh.corners[3 * stride + n];
         const int back = culled ? params.back : 0;
         if (clip[lane]) {
-            raster_clip(
-                camera, raster_vertex(mesh.view, params.vertex_stride, mesh.corners[n]),
-                raster_vertex(mesh.view, params.vertex_stride, mesh.corners[stride + n]),
-                raster_vertex(mesh.view, params.vertex_stride, mesh.corners[2 * stride + n]),
-                record, back, lists, params);
+#if RASTER_RUN == 1
+            pending = (RasterPending){record, back, true};
+#else
+            RasterPolygon polygon;
+            raster_clip_triangle(mesh, &polygon, record, back, lists, camera, params);
+#endif
             // The pieces have records of their own.
             record.v[0] = record.v[1] = record.v[2];
         }
         raster_append(record, index + lane, back, lists, params);
     }
+    return pending;
 }
 
 __kernel void raster_setup(__global const float *restrict boxes,
@@ -128,14 +157,24 @@ __kernel void raster_setup(__global const float *restrict boxes,
                            const int2 size, const SsgiCamera camera, const RasterView params)
 {
     const int first = (int)get_global_id(0) * RASTER_RUN;
-    if (first >= size.x || raster_unseen(camera, params, raster_box(boxes, first / RASTER_BOXED))) {
-        return;
-    }
+    const bool seen =
+        first < size.x && !raster_unseen(camera, params, raster_box(boxes, first / RASTER_BOXED));
     const RasterMesh mesh = {corners, (size.x + 15) & ~15, vertices, view, screen};
     const RasterLists lists = {records, places, tiles, counters};
+#if RASTER_RUN == 1
+    __local float rings[RASTER_QUEUE * 3 * RASTER_RINGS];
+    __local int clipped; // triangles of the work-group
+    if (get_local_id(0) == 0) {
+        clipped = 0;
+    }
+    barrier(CLK_LOCAL_MEM_FENCE);
+    RasterPending pending;
+    pending.clips = false;
+#else
     int kept[RASTER_RUN];
     int count = 0;
-    for (int i = first; i < min(first + RASTER_RUN, size.x); i += SSGI_LANES) {
+#endif
+    for (int i = first; i < min(first + RASTER_RUN, size.x) && seen; i += SSGI_LANES) {
         const RasterScreen t = raster_screen(
             screen, params, v_iload(corners + i), v_iload(corners + mesh.stride + i),
             v_iload(corners + 2 * mesh.stride + i), v_iload(corners + 3 * mesh.stride + i));
@@ -145,13 +184,34 @@ __kernel void raster_setup(__global const float *restrict boxes,
         }
         int keep[SSGI_LANES];
         v_ikeep(wanted & ~(t.ready & raster_between(t)), keep);
+#if RASTER_RUN == 1
+        if (keep[0]) {
+            pending = raster_records(&i, 1, mesh, lists, camera, params);
+        }
+#else
         // Without branches, which would be guessed wrongly.
         for (int lane = 0; lane < SSGI_LANES; ++lane) {
             kept[count] = i + lane;
             count -= keep[lane];
         }
+#endif
     }
+#if RASTER_RUN == 1
+    const int turn = pending.clips ? atomic_inc(&clipped) : -1;
+    barrier(CLK_LOCAL_MEM_FENCE);
+    const int turns = clipped;
+    for (int begin = 0; begin < turns; begin += RASTER_RINGS) {
+        if (turn >= begin && turn < begin + RASTER_RINGS) {
+            RasterPolygon polygon;
+            polygon.at = rings + (turn - begin);
+            raster_clip_triangle(mesh, &polygon, pending.record, pending.back, lists, camera,
+                                 params);
+        }
+        barrier(CLK_LOCAL_MEM_FENCE);
+    }
+#else
     for (int i = 0; i < count; i += SSGI_LANES) {
         raster_records(kept + i, min(count - i, SSGI_LANES), mesh, lists, camera, params);
     }
+#endif
 }

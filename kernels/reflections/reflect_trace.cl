@@ -42,10 +42,9 @@ static inline vfloat reflect_leave(const vfloat from, const vfloat way)
 
 // Whether a ray is blocked that starts so many cells above its surface, besides the lift, and ends
 // after `until` cells or with the grid; `where` on its `length`, in cells.
-static inline vmask reflect_blocked(__global const int *restrict occupancy,
-                                    const OccupancyCell start, const vfloat above,
-                                    const SsgiWay way, const vfloat until, const vmask wanted,
-                                    vfloat *where, vfloat *length)
+SSGI_LARGE vmask reflect_blocked(__global const int *restrict occupancy, const OccupancyCell start,
+                                 const vfloat above, const SsgiWay way, const vfloat until,
+                                 const vmask wanted, vfloat *where, vfloat *length)
 {
     const float most = (float)OCCUPANCY_CELLS - 0.01f;
     OccupancyCell from = start;

@@ -50,9 +50,9 @@ static inline float vpl_luminous(__global const float *restrict light)
 }
 
 // Whether a light is hidden from lanes that want to know.
-static inline vmask vpl_hidden(__global const int *restrict occupancy,
-                               __global const float *restrict grid_box, const OccupancyCell start,
-                               __global const float *restrict light, const vmask wanted)
+SSGI_LARGE vmask vpl_hidden(__global const int *restrict occupancy,
+                            __global const float *restrict grid_box, const OccupancyCell start,
+                            __global const float *restrict light, const vmask wanted)
 {
     const OccupancyCell finish = occupancy_end(light, light + VPL_NORMAL, grid_box);
     return occupancy_blocked(occupancy, start, finish, wanted);

@@ -368,7 +368,7 @@ class Rasterizer:
         self._setup.run(
             (1, scene.triangles),
             grid=(1, -(-scene.triangles // self._run)),
-            local=None if self._run < BOXED else (1, 1),
+            local=(1, SSGI_GROUP) if self._run == 1 else None if self._run < BOXED else (1, 1),
             boxes=scene.boxes,
             corners=scene.corners,
             vertices=scene.shading,

@@ -73,8 +73,6 @@ SHADOW_IMAGES = 4
 
 MULTIRES_TILE = 16
 """Points along a tile's side."""
-MULTIRES_CHUNK = 16
-"""Tiles that a work-item lists."""
 
 GATHER_TILE = TILE
 """Points along the side of a tile whose points have other rays each; a power of two."""

@@ -31,6 +31,7 @@ class Kernel:
         signature: what it takes.
         lanes: of a work-item.
         largest_group: work-items of a work-group at most; fewer than the device's where a kernel takes many registers.
+        local_bytes: of local memory, which a work-group takes.
     """
 
     def __init__(
@@ -54,8 +55,9 @@ class Kernel:
                 f"{source} has no kernel {self.name} on {runtime.info.label}, {runtime.variant}: {error}"
             ) from error
         self.lanes = macros["SSGI_LANES"]
-        asked = cl.kernel_work_group_info.WORK_GROUP_SIZE
-        self.largest_group: int = self._kernel.get_work_group_info(asked, runtime.device)
+        asked = cl.kernel_work_group_info
+        self.largest_group: int = self._kernel.get_work_group_info(asked.WORK_GROUP_SIZE, runtime.device)
+        self.local_bytes: int = self._kernel.get_work_group_info(asked.LOCAL_MEM_SIZE, runtime.device)
         self.signature = Signature.of(self._kernel, text)
         self._arguments = Arguments(self.signature, structs)
         self._kernel.set_arg_types(self._arguments.types)

@@ -56,7 +56,7 @@ class Runtime:
         lock: held by what another thread's work on this device must not come between.
         image_limits: of images, where kernels read those.
         allocated_bytes: device memory taken so far, in all.
-        frame, times, part, skip: the functions of `FrameLog`: passes of a frame and their times.
+        frame, times, times_if_done, part, skip: the functions of `FrameLog`: passes of a frame and their times.
         kernel_from_text: as `Programs.kernel_from_text`.
     """
 
@@ -78,7 +78,8 @@ class Runtime:
         self.transient = TransientMemory(self)
         self._prepared = PreparedResults(self)
         self._log = log = FrameLog()
-        self.frame, self.times, self.part, self.skip = log.frame, log.times, log.part, log.skip
+        self.frame, self.part, self.skip = log.frame, log.part, log.skip
+        self.times, self.times_if_done = log.times, log.times_if_done
         self.kernel_from_text = self.programs.kernel_from_text
         self.lock = threading.RLock()
         self._depth = 0  # of calls within calls, in the thread that has the lock
@@ -343,6 +344,10 @@ class Runtime:
     ) -> Kernel:
         """Return a kernel of a file in kernels/, see `Programs.kernel`."""
         return self.programs.kernel(path, macros, structs, most_lanes=most_lanes)
+
+    def small_groups(self, items: int) -> Size | None:
+        """Return work-groups of so few work-items for a processor, whose cores share them evenly; a GPU chooses."""
+        return None if self.info.kind == "gpu" else (1, items)
 
     @property
     def builds(self) -> int:

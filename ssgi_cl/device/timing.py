@@ -8,6 +8,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
+from ssgi_cl.device.opencl import opencl
+
 
 @dataclass(frozen=True)
 class PassTime:
@@ -74,6 +76,15 @@ class FrameLog(threading.local):
         for position, skip in reversed(self.skips):
             ran.insert(position, skip)
         return ran
+
+    def times_if_done(self) -> list[PassTime] | None:
+        """Return `times` if the device is done with the latest frame, else None; waits for nothing."""
+        if self.events:
+            latest = self.events[-1][1]
+            latest.command_queue.flush()  # what is never sent never ends
+            if latest.command_execution_status > opencl().command_execution_status.COMPLETE:
+                return None
+        return self.times()
 
     @contextmanager
     def part(self, name: str) -> Iterator[None]:

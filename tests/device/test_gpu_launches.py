@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 
 import ssgi_cl as gi
 from ssgi_cl.core.errors import DeviceError, DeviceMemoryError
@@ -13,6 +14,7 @@ from ssgi_cl.device.drivers import KernelVariant
 from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import cornell_box
+from ssgi_cl.techniques.vpl.packed_vpls import BATCH
 
 
 @pytest.fixture(scope="module")
@@ -27,17 +29,29 @@ def drawn(runtime: Runtime) -> list[np.ndarray]:
     made = cornell_box()
     gbuffer = gi.rasterize.gbuffer(made.scene, made.camera(100, 70), layers=2, attributes="all", runtime=runtime)
     lit = gi.rasterize.rsm(made.scene, made.lights[0], size=32, runtime=runtime)  # type: ignore[arg-type]
+    large = gi.rasterize.rsm(made.scene, made.lights[0], size=96, runtime=runtime)  # type: ignore[arg-type]
     return [
         np.asarray(gbuffer.depth),
         np.asarray(gbuffer.normal),
         gi.gtao(gbuffer, radius=0.1, runtime=runtime),
         gi.multires_splat(gbuffer, lit, 300, runtime=runtime),
+        gi.multires_splat(gbuffer, large, 3 * BATCH, runtime=runtime),  # a pass for all three batches, or each
     ]
 
 
 def test_a_gpu_gives_the_bits_of_a_processor(runtime: Runtime, as_gpu: Runtime) -> None:
     for found, wanted in zip(drawn(as_gpu), drawn(runtime), strict=True):
         np.testing.assert_array_equal(found, wanted)
+
+
+def test_a_gpu_clips_the_triangles_of_a_group_in_turns(runtime: Runtime, as_gpu: Runtime) -> None:
+    """A camera in a tunnel, all sides of which reach behind it: more than a group has rings for."""
+    tunnel = gi.rasterize.load_scene(trimesh.creation.cylinder(radius=1.0, height=10.0, sections=64))
+    camera = gi.Camera.look_at((0.1, 0.2, 0.0), (0.5, 0.3, -2.0), yfov=2.2, width=90, height=61)
+    found, wanted = (gi.rasterize.gbuffer(tunnel, camera, runtime=device) for device in (as_gpu, runtime))
+    assert np.isfinite(np.asarray(wanted.depth)).all()
+    for name in ("depth", "normal"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(wanted, name), err_msg=name)
 
 
 COUNT = """

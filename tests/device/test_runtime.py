@@ -242,6 +242,40 @@ def test_passes_are_timed_by_name_in_their_order(runtime: Runtime) -> None:
     assert runtime.times() == []
 
 
+LONG = """
+__kernel void spin(__global float *restrict sums, const int turns, const int2 size)
+{
+    float sum = 1.0f;
+    for (int i = 0; i < turns; ++i) {
+        sum = sum * 0.999f + 0.5f; // each waits for the one before
+    }
+    sums[get_global_id(0)] = sum;
+}
+"""
+
+
+def test_times_are_asked_for_and_waited_for_without_work_of_the_host(runtime: Runtime) -> None:
+    kernel = runtime.kernel_from_text("spin", LONG)
+    sums = runtime.empty(64, np.float32)
+    with runtime.frame():
+        kernel.run((1, 64), grid=(1, 64), local=(1, 1), sums=sums, turns=10)
+    runtime.finish()
+    done = runtime.times_if_done()
+    assert done is not None
+    assert [each.name for each in done] == ["spin"]
+    with runtime.frame():
+        kernel.run((1, 64), grid=(1, 64), local=(1, 1), sums=sums, turns=8_000_000)
+    start, busy = time.perf_counter(), time.thread_time()
+    assert runtime.times_if_done() is None
+    asked = time.perf_counter() - start
+    times = runtime.times()
+    assert asked < 0.25 * times[0].ms * 1e-3
+    # A thread that asked again and again would be busy nearly all the time.
+    assert time.thread_time() - busy < 0.2 * times[0].ms * 1e-3
+    assert times[0].ms > 100.0  # some 0.02 s of each work-item on a processor
+    assert runtime.times_if_done() == times
+
+
 def test_a_frame_ends_when_its_body_raises(runtime: Runtime) -> None:
     def fail() -> None:
         with runtime.frame():

@@ -30,6 +30,22 @@ __kernel void load(ssgi_plane plane, __global float *restrict result, const int2
 }
 """
 
+LOAD_AT = """
+#include "common/gbuffer.clh"
+// The same, but by the number of the row's first pixel, reached from that of pixel (1, 0).
+__kernel void load_at(ssgi_plane plane, __global float *restrict result, __global int *restrict indices,
+                      const int2 size, const int starts)
+{
+    const int start = (int)get_global_id(0);
+    const int row = (int)get_global_id(1);
+    const int pixel =
+        ssgi_pixel(size, 1, 0) + row % size.y * ssgi_below(size) + start - SSGI_GUARD - 1;
+    const int to = row * starts + start;
+    v_store(ssgi_load_at(plane, size, row / size.y, pixel), result + to * SSGI_LANES);
+    indices[to] = ssgi_pixel_index(size, pixel);
+}
+"""
+
 STORE = """
 #include "common/gbuffer.clh"
 __kernel void store(ssgi_plane plane, __global float *restrict result, const int2 size,
@@ -61,18 +77,37 @@ def memory_of(plane: Plane) -> NDArray[np.float32]:
         return np.array(memory)
 
 
+def positions(values: NDArray[np.float32], lanes: int) -> NDArray[np.float32]:
+    """What loads of so many lanes give at every column from a guard's width left of the image on, row by row."""
+    wide = np.pad(values, ((0, 0), (0, 0), (GUARD, GUARD)), constant_values=OUTSIDE)
+    return np.lib.stride_tricks.sliding_window_view(wide, lanes, axis=2).reshape(-1, lanes)
+
+
 @pytest.mark.parametrize("size", SIZES)
 def test_loads_give_the_outside_value_up_to_the_guard_on_both_sides(every_variant: Runtime, size: Size) -> None:
     plane, values = filled(every_variant, 3, size)
     lanes = every_variant.variant.lanes
-    rows, columns = size
-    starts = columns + 2 * GUARD - lanes + 1
-    result = every_variant.empty(3 * rows * starts * lanes, np.float32)
+    expected = positions(values, lanes)
+    starts = len(expected) // (3 * size[0])
+    result = every_variant.empty(expected.size, np.float32)
     kernel = every_variant.kernel_from_text("load", LOAD)
-    kernel.run(size, grid=(3 * rows, starts), local=(1, 1), plane=plane, result=result, starts=starts)
-    wide = np.pad(values, ((0, 0), (0, 0), (GUARD, GUARD)), constant_values=OUTSIDE)
-    expected = np.lib.stride_tricks.sliding_window_view(wide, lanes, axis=2)
-    np.testing.assert_array_equal(result.download().reshape(3, rows, starts, lanes), expected)
+    kernel.run(size, grid=(3 * size[0], starts), local=(1, 1), plane=plane, result=result, starts=starts)
+    np.testing.assert_array_equal(result.download().reshape(expected.shape), expected)
+
+
+@pytest.mark.parametrize("size", [*SIZES, TALL])
+def test_loads_by_number_give_the_same(every_variant: Runtime, size: Size) -> None:
+    plane, values = filled(every_variant, 2, size)
+    lanes = every_variant.variant.lanes
+    expected = positions(values, lanes)
+    starts = len(expected) // (2 * size[0])
+    given = {"result": every_variant.empty(expected.size, np.float32)}
+    given["indices"] = every_variant.empty(len(expected), np.int32)
+    kernel = every_variant.kernel_from_text("load_at", LOAD_AT)
+    kernel.run(size, grid=(2 * size[0], starts), local=(1, 1), plane=plane, starts=starts, **given)
+    np.testing.assert_array_equal(given["result"].download().reshape(expected.shape), expected)
+    rows = np.arange(1, size[0] + 1)[:, None] * plane.pitch + np.arange(starts) - GUARD
+    np.testing.assert_array_equal(given["indices"].download(), np.tile(rows.ravel(), 2))
 
 
 @pytest.mark.parametrize("size", [*SIZES, TALL])

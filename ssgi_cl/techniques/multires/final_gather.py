@@ -128,7 +128,7 @@ class FinalGather:
         runtime.kernel(name, macros, (CAMERA, VPL, *structs)).run(
             source.size,
             grid=(1, min(-(-level.most // runtime.variant.lanes), items)),
-            local=(1, 64 if is_gpu else 1),
+            local=runtime.small_groups(1),
             depth=source.depth,
             normal=source.normal,
             list=level.list,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size
-from ssgi_cl.device.constants import MULTIRES_CHUNK, MULTIRES_TILE
+from ssgi_cl.device.constants import MULTIRES_TILE
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.runtime import Runtime
@@ -26,7 +26,11 @@ MULTIRES = Struct(
         *ints("margin_columns", "margin_rows"),
     ),
 )
-TILE, CHUNK = MULTIRES_TILE, MULTIRES_CHUNK
+TILE = MULTIRES_TILE
+CHUNK = 16
+"""Tiles that a work-item lists, with more than one lane."""
+MOST_LISTING = 1024
+"""Work-items with one lane, each of which adds up what is listed before its own."""
 SPARE = 64
 """Places after the longest list, so that what is read of it with its end is there."""
 STEPS = (1, 2, 4, 8, 16, 32)
@@ -178,6 +182,10 @@ class Level:
         self._counts = runtime.array(np.zeros(-(-len(order) // TILE) * TILE, np.int32))
         self._count = runtime.kernel("multires/multires_count.cl")
         self._fill = runtime.kernel("multires/multires_list.cl")
+        # Of 4 x 4 points: as many as a work-item lists.
+        lanes = runtime.variant.lanes
+        self._blocks = 16 * CHUNK if lanes > 1 else max(16 * self._tile_count // MOST_LISTING, 1)
+        self._groups = runtime.small_groups(1)
 
     def mark(self, kernel: Kernel, grid: Size, **arguments: Any) -> None:
         """Queue a pass that writes values, shares and marks, and those that make the list."""
@@ -192,13 +200,14 @@ class Level:
         )
         self._fill.run(
             self.size,
-            grid=(1, -(-self._tile_count // CHUNK)),
-            local=(1, 1),
+            grid=(1, -(-16 * self._tile_count // self._blocks)),
+            local=self._groups,
             masks=self._masks,
             counts=self._counts,
             tiles=self._tiles,
             list=self.list,
             tile_count=self._tile_count,
+            blocks=self._blocks,
         )
 
     def listed(self) -> NDArray[np.int32]:

@@ -180,7 +180,7 @@ class MultiresPublished(Prepared[MultiresPublishedParams]):
             self._shade.run(
                 level.size,
                 grid=(1, min(pieces, items)),
-                local=(1, 64 if is_gpu else 1),
+                local=self.runtime.small_groups(1),
                 depth=gbuffer.depth,
                 normal=gbuffer.normal,
                 list=level.list,

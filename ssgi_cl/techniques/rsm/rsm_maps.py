@@ -129,7 +129,7 @@ class RsmMaps:
             # not know; a GPU has enough of them for one piece each.
             pieces = -(-result.size[0] * result.size[1] // self.runtime.variant.lanes)
             is_gpu = self.runtime.info.kind == "gpu"
-            grid, local = (1, pieces if is_gpu else min(pieces, 1024)), (1, 64 if is_gpu else 1)
+            grid, local = (1, pieces if is_gpu else min(pieces, 1024)), self.runtime.small_groups(1)
         for number, (rsm, samples) in enumerate(self._maps):
             kernel, given, count = self._pass(rsm, samples, listed=level is not None)
             to_map = rsm.from_view(camera)

@@ -155,6 +155,7 @@ class FluxSamples:
         self._table = runtime.array(table)
         self._points = runtime.array(square_points(count).astype(np.float32))
         self._kernel = runtime.kernel("rsm/rsm_gather_pick.cl")
+        self._groups = runtime.small_groups(16)
 
     def update(self) -> None:
         """Queue the passes that draw the samples from the current texels."""
@@ -162,7 +163,7 @@ class FluxSamples:
         self._kernel.run(
             (1, self.count),
             grid=(1, self.count),
-            local=(1, 16),
+            local=self._groups,
             texels=self._texels.records,
             pyramid=self._texels.sums,
             levels=self._table,

@@ -180,7 +180,7 @@ class SampledLights(Prepared[SampledLightsParams]):
         runtime.kernel("sampled_lights/sampled_depth.cl", macros).run(
             (batches, count),
             grid=(rows, -(-count // each)),
-            local=(1, 1),
+            local=runtime.small_groups(1),
             triangles=uploaded,
             views=self._matrices,
             maps=self._maps,

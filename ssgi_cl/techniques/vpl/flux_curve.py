@@ -119,7 +119,7 @@ class FluxCurve:
             (SUMS, blocks), runs=self.runs, blocks=self.blocks, params=self._packed(self._tables[0])
         )
         runtime.kernel("vpl/vpl_totals.cl").run(
-            (blocks, SUMS), grid=(1, -(-SUMS // lanes)), local=(1, 1), blocks=self.blocks
+            (blocks, SUMS), grid=(1, -(-SUMS // lanes)), local=runtime.small_groups(1), blocks=self.blocks
         )
         self._versions = versions
 

@@ -65,6 +65,9 @@ class ViewImportance:
                 **occupancy.arguments,
             )
         runtime.kernel("vpl/vpl_view_mean.cl").run(
-            (runs, SUMS), grid=(1, -(-SUMS // runtime.variant.lanes)), local=(1, 1), importance=self._importance
+            (runs, SUMS),
+            grid=(1, -(-SUMS // runtime.variant.lanes)),
+            local=runtime.small_groups(1),
+            importance=self._importance,
         )
         return self._importance

@@ -24,12 +24,12 @@ from ssgi_cl.device.constants import (
     TREE_RECORD,
 )
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.device.structs import CAMERA, Struct, floats
+from ssgi_cl.device.structs import CAMERA, Struct, floats, ints
 from ssgi_cl.techniques.occupancy.occupancy_grid import Occupancy, OccupancyGrid
 from ssgi_cl.techniques.occupancy.scene_rays import SCENE_RAYS, SceneRays
 from ssgi_cl.techniques.vpl.packed_vpls import VPL, DeviceVpls, packed_params
 
-CUT = Struct("CutParams", (("first", "int"), ("groups", "int"), *floats("scale", "faint", "bright")))
+CUT = Struct("CutParams", (*ints("first", "groups", "segments", "lights"), *floats("scale", "faint", "bright")))
 
 RECORD, BOUNDS, LEAF = TREE_RECORD, TREE_BOUNDS, TREE_LEAF
 GROUP, SAMPLE = CUT_GROUP, CUT_SAMPLE
@@ -104,9 +104,12 @@ class VplTree:
         self._bounds = runtime.array(np.zeros(segments * bounds, np.float32))
         self._found = runtime.empty(SAMPLES, np.float32)
         self.limits = runtime.empty(3, np.float32)
-        self._most_groups = LISTED // max(lights.capacity, GROUP * SAMPLE)
+        # A GPU takes all batches at once: it would wait for each that does not fill it.
+        self._at_once = lights.segments if runtime.info.kind == "gpu" else 1
+        self._most_groups = max(LISTED // max(lights.capacity * self._at_once, GROUP * SAMPLE), 1)
         self._lists = self._counts = runtime.empty(0, np.int32)
         self._kept = runtime.empty(0, np.float32)
+        self._groups = 0  # that there is room for
         macros = {"VPL_NEAR": near, "VPL_CUT": cut}
         self._order = runtime.kernel("multires/cluster_order.cl", {}, (CAMERA, VPL))
         self._make_runs = runtime.kernel("multires/cluster_means.cl", {}, (CAMERA, VPL))
@@ -127,9 +130,10 @@ class VplTree:
     def reserve(self, most: int) -> None:
         """Make room for the lists of `most` samples, or of as many as a pass takes."""
         groups = min(-(-most // GROUP), self._most_groups)
-        if self._lists.count < groups * self.lights.capacity:
-            self._lists = self.runtime.empty(groups * self.lights.capacity, np.int32)
-            self._counts = self.runtime.empty(groups, np.int32)
+        if self._groups < groups:
+            self._groups = groups
+            self._lists = self.runtime.empty(self._at_once * groups * self.lights.capacity, np.int32)
+            self._counts = self.runtime.empty(self._at_once * groups, np.int32)
             self._kept = self.runtime.empty(groups * GROUP * SAMPLE, np.float32)
 
     def update(self) -> None:
@@ -150,7 +154,7 @@ class VplTree:
         self._make_runs.run(
             (1, 1),
             grid=(segments, self._runs),
-            local=(1, 8),
+            local=self.runtime.small_groups(8),
             records=self._records,
             bounds=self._bounds,
             params=packed,
@@ -174,7 +178,7 @@ class VplTree:
         self._mean.run(
             source.size,
             grid=(1, SAMPLES // self.runtime.variant.lanes),
-            local=(1, 4),
+            local=self.runtime.small_groups(4),
             depth=source.depth,
             normal=source.normal,
             list=samples,
@@ -191,7 +195,7 @@ class VplTree:
             self._other.run(
                 source.size,
                 grid=(1, SAMPLES // self.runtime.variant.lanes),
-                local=(1, 4),
+                local=self.runtime.small_groups(4),
                 light=plane,
                 list=samples,
                 found=self._found,
@@ -240,7 +244,7 @@ class VplTree:
         """
         lanes, is_gpu = self.runtime.variant.lanes, self.runtime.info.kind == "gpu"
         items = 1 << 30 if is_gpu else CPU_ITEMS * self.runtime.device.max_compute_units
-        local = (1, 64 if is_gpu else 1)
+        local = self.runtime.small_groups(1)
         pieces = GROUP // (self._rows * lanes)
         # Light too weak for a float32 is 0, and so is what may be left out of it.
         groups = -(-most // GROUP)
@@ -256,21 +260,24 @@ class VplTree:
             blocks = {**occupancy.arguments, "camera": source.camera_struct}
         else:
             blocks = {}
-        for first in range(0, groups, self._counts.count):
-            here = min(groups - first, self._counts.count)
-            cut = CUT.pack({"first": first, "groups": here, "scale": scale, "faint": FAINT, "bright": BRIGHT})
-            for batch in self.lights.batches():
+        batches = [*self.lights.batches()]
+        for first in range(0, groups, self._groups):
+            here = min(groups - first, self._groups)
+            limits = {"first": first, "groups": here, "scale": scale, "faint": FAINT, "bright": BRIGHT}
+            for number in range(0, len(batches), self._at_once):
+                segments = min(len(batches) - number, self._at_once)
+                cut = CUT.pack({**limits, "segments": segments, "lights": self.lights.count})
                 shared = {
                     "list": samples,
                     "lists": self._lists,
                     "counts": self._counts,
                     "cut": cut,
-                    "params": self._packed({**values, **batch}, source.margin),
+                    "params": self._packed({**values, **batches[number]}, source.margin),
                 }
                 self._cut.run(
                     source.size,
-                    grid=(1, min(here, items)),
-                    local=local,
+                    grid=(segments, min(here, items)),
+                    local=local or (1, SSGI_GROUP),
                     depth=source.depth,
                     normal=source.normal,
                     bounds=self._bounds,
@@ -284,7 +291,7 @@ class VplTree:
                     grid=(1, min(here * pieces, items)),
                     local=local,
                     samples=self._kept,
-                    records=self._records,
+                    all_records=self._records,
                     lights=self.lights.lights if parted else None,
                     **blocks,
                     fractions=fractions,

@@ -135,7 +135,7 @@ def film(shots: Iterator[Shot], rays: int, runtime: Runtime, **params: Any) -> F
 
 
 def one_old(made: Film, gbuffer: GBuffer, runtime: Runtime) -> Image:
-    """Return the model of the frame before where the motion leads; in pixels that begin anew that of the frame itself."""
+    """Return the model of the frame before where the motion leads; of the frame itself in pixels that begin anew."""
     now = made.model[-1]
     if len(made.model) < 2:
         return now

@@ -63,9 +63,23 @@ def test_flicker_is_change_beyond_that_of_the_reference() -> None:
     assert math.isnan(steadiness.flicker(noisy, still, hidden))  # nothing that the image before showed
 
 
+def test_pops_are_changes_of_pixels_that_stand_in_the_reference() -> None:
+    camera = Camera.orthographic((0, 0, 5), (0, 0, 0), view_height=3.0, width=SIZE[1], height=SIZE[0])
+    motion = np.zeros((*SIZE, 3), np.float32)
+    gbuffers = [GBuffer(camera=camera, depth=np.full(SIZE, 5.0, np.float32), motion=motion) for _ in range(4)]
+    still = [np.ones((*SIZE, 3)) for _ in gbuffers]
+    popping = [image.copy() for image in still]
+    popping[2][:3] += 0.02  # and back in the next frame
+    popping[2][3:6] += 0.005
+    assert steadiness.pops(popping, still, gbuffers) == pytest.approx(2 / 3 * 3 / SIZE[0])
+    assert steadiness.pops(still, still, gbuffers) == 0.0
+    assert steadiness.pops(still, popping, gbuffers) == 0.0
+    assert steadiness.pops(popping, popping, gbuffers) == 0.0
+
+
 def test_a_pan_turns_about_the_vertical_by_what_it_says(runtime: Runtime) -> None:
     made = pans.pan("cornell_box", SIZE, 5, runtime)
-    first, last = made.cameras[0], made.cameras[-1]
+    first, last = made[0].camera, made[-1].camera
     np.testing.assert_allclose(first.view, make_scene("cornell_box").camera(*SIZE[::-1]).view, atol=1e-12)
     np.testing.assert_allclose(last.position, first.position, atol=1e-9)
     assert math.acos(float(last.view[2, :3] @ first.view[2, :3])) == pytest.approx(4 * pans.TURN, rel=1e-3)

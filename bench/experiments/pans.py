@@ -218,7 +218,7 @@ def _write(folder: Path, stem: str, images: Mapping[str, Sequence[Image]], expos
     for method, own in images.items():
         for number, image in enumerate(own, 1):
             picture = tonemap(image, exposure=exposure, runtime=runtime)
-            png.write(folder / f"{stem}.{method.replace(' ', '-')}.{number:04d}.png", picture)
+            png.write(folder / f"{stem}.{method.replace(', ', '-').replace(' ', '-')}.{number:04d}.png", picture)
 
 
 @click.command()

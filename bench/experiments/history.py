@@ -1,13 +1,15 @@
 """Sequences with and without the history of earlier frames: `python -m ssgi_cl.bench.experiments.history --help`.
 
 A row a sequence of `shots.SHOTS` and method. Errors are of the frames from the eighth on: against rays (ambient
-occlusion alone), and against the technique's model, the mean of `MODEL` frames of other patterns.
+occlusion alone), and against the technique's model, the mean of `MODEL` frames of other patterns. `ONE_OLD` is the
+model of the frame before where the motion leads: what a history without any noise errs by after one frame.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import click
@@ -16,7 +18,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.bench.experiments import steadiness
 from ssgi_cl.bench.experiments.pans import table
-from ssgi_cl.bench.experiments.shots import SHOTS, Shot
+from ssgi_cl.bench.experiments.shots import SHOTS, Shot, shots_of
 from ssgi_cl.bench.wording import NOTHING, markdown
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.history import History
@@ -25,6 +27,7 @@ from ssgi_cl.device.gbuffer import on_device
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import gbuffer as drawn
 from ssgi_cl.rasterize import rsm as drawn_map
+from ssgi_cl.rasterize.scenes import is_scene
 from ssgi_cl.techniques.ao.gtao import Gtao, GtaoParams, gtao
 from ssgi_cl.techniques.rsm.rsm_gather import rsm_gather
 from ssgi_cl.techniques.temporal.accumulate import Accumulate, AccumulateParams, Clamp, accumulate
@@ -42,8 +45,10 @@ PATTERN = 4
 """Pixels along the side of the square that the pattern of lights repeats with."""
 SAMPLES = 64
 """Texels that a pixel gathers light from."""
-YOUNG = 2
-"""`young` of the accumulation in the rows that have it."""
+YOUNG: dict[str, Any] = {"young": 4, "clamp_sigma": 2.0}
+"""Parameters of the accumulation in the rows that have it: for cameras and things that move."""
+ONE_OLD = "model, one frame old"
+"""Row of what a history without noise errs by after one frame."""
 MANY, FEW = 8, 1
 """Slices without a history, and with one."""
 _HEAD = ("sequence", "method", "RMSE, rays", "RMSE, model", "temporal noise", "RMSE, uncovered", "lag, frames")
@@ -101,7 +106,7 @@ def film(shots: Iterator[Shot], rays: int, runtime: Runtime, **params: Any) -> F
         )
         if shot.switched:
             made.switched = number
-        if shot.lights:
+        if shot.bounce:
             maps = [drawn_map(shot.scene, each, size=256, runtime=runtime) for each in shot.lights]
             one = light(gbuffer, shot, number, maps, runtime)
             made.model.append(np.stack([light(gbuffer, shot, k, maps, runtime) for k in range(16)]).mean(axis=0))
@@ -117,14 +122,27 @@ def film(shots: Iterator[Shot], rays: int, runtime: Runtime, **params: Any) -> F
             values = {f"{FEW} slice": one, f"{MANY} slices": many}
         previous = made.gbuffers[-1] if made.gbuffers else None
         mean, history = accumulate(one, gbuffer, previous, history, runtime=runtime, **params)
-        joined, filled = accumulate(one, gbuffer, previous, filled, runtime=runtime, **{"young": YOUNG, **params})
+        joined, filled = accumulate(one, gbuffer, previous, filled, runtime=runtime, **{**YOUNG, **params})
         first = next(iter(values))
         means = {f"{first}, history": mean, f"{first}, history, young": joined}
+        if not shot.bounce:
+            means[ONE_OLD] = one_old(made, gbuffer, runtime)
         for name, image in {**values, **means}.items():
             made.images.setdefault(name, []).append(image)
         made.gbuffers.append(gbuffer)
         before = shot
     return made
+
+
+def one_old(made: Film, gbuffer: GBuffer, runtime: Runtime) -> Image:
+    """Return the model of the frame before where the motion leads; of the frame itself in pixels that begin anew."""
+    now = made.model[-1]
+    if len(made.model) < 2:
+        return now
+    _, before = accumulate(made.model[-2], made.gbuffers[-1], runtime=runtime)
+    mean, _ = accumulate(now, gbuffer, made.gbuffers[-1], before, clamp="none", runtime=runtime)
+    # The mean of both frames, or, where it begins anew, of this one.
+    return np.asarray(2.0 * mean - now, np.float32)
 
 
 def gtao_of(device: Any, shot: Shot, frame: int, runtime: Runtime) -> Image:
@@ -206,7 +224,9 @@ def alternated(methods: Mapping[str, Any], repeats: int, runtime: Runtime) -> di
 @click.option("--size", type=(int, int), default=(240, 180), show_default=True, help="Columns and rows.")
 @click.option("--frames", default=32, show_default=True, type=click.IntRange(2, 1000), help="Of each sequence.")
 @click.option("--rays", default=64, show_default=True, help="Of the reference, per pixel; 0: no reference by rays.")
-@click.option("--shot", "names", multiple=True, type=click.Choice(tuple(SHOTS)), help="A sequence; several. All.")
+@click.option(
+    "--shot", "names", multiple=True, help=f"One of {', '.join(SHOTS)}, or a scene to walk through; several. All."
+)
 @click.option("--clamp", type=click.Choice(("neighbourhood", "fast", "none")), help="Of the accumulation.")
 @click.option("--repeats", default=25, show_default=True, help="Turns of the timing.")
 @click.option("--whole", multiple=True, metavar="SCENE", help="A slow pan of whole frames too; several.")
@@ -226,8 +246,12 @@ def main(
     runtime = Runtime.open()
     params = {} if clamp is None else {"clamp": clamp}
     own: Size = (size[1], size[0])
-    results = {name: measured(film(SHOTS[name](own, frames), rays, runtime, **params)) for name in names or SHOTS}
-    click.echo(told(results))
+    results = {
+        name: measured(film(shots_of(name, own, frames, runtime), rays, runtime, **params)) for name in names or SHOTS
+    }
+    click.echo(
+        told({name if name in SHOTS or is_scene(name) else Path(name).stem: own for name, own in results.items()})
+    )
     for name, ms in times(own, repeats, runtime).items():
         click.echo(f"{name}: {ms:.2f} ms")
     if whole:

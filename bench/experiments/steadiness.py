@@ -5,7 +5,7 @@ All are of errors e = image - reference, one reference a frame, over the pixels 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -21,6 +21,8 @@ UNCOVERED = 8
 """Frames for which a pixel counts as uncovered."""
 DEPTH = 0.02
 """Difference of depths, relative to them, from which on the previous image shows another surface."""
+POP = 0.01
+"""Change of a pixel from which on it is a pop, relative to the mean of the image."""
 FOLLOWED = 0.9
 """Share of a step that has to be followed."""
 
@@ -95,7 +97,36 @@ def flicker(images: Images, references: Images, gbuffers: Sequence[GBuffer]) -> 
         gbuffers: of the same frames, without margin, with motion of three components.
     """
     found = []
-    for i in range(1, len(images)):
+    for i, x, y, there in _led(gbuffers):
+        change, own = (
+            np.abs(_logarithm(array[i]) - _between(_logarithm(array[i - 1]), x, y)) for array in (images, references)
+        )
+        found.append(np.maximum(change - own, 0.0)[there])
+    values = np.concatenate(found)
+    return float(values.mean()) if values.size else float("nan")
+
+
+def pops(images: Images, references: Images, gbuffers: Sequence[GBuffer]) -> float:
+    """Return the share of pixels that change by more than `POP` of the mean from frame to frame, of those in
+    which the reference changes less than that.
+
+    Luminance after reprojection; arguments are those of `flicker`.
+    """
+    least = POP * float(np.mean(references))
+    popped, steady = 0, 0
+    for i, x, y, there in _led(gbuffers):
+        change, own = (
+            np.abs(_luminance(array[i]) - _between(_luminance(array[i - 1]), x, y)) for array in (images, references)
+        )
+        still = there & (own < least)
+        popped, steady = popped + int((still & (change > least)).sum()), steady + int(still.sum())
+    return popped / steady if steady else float("nan")
+
+
+def _led(gbuffers: Sequence[GBuffer]) -> Iterator[tuple[int, Doubles, Doubles, NDArray[np.bool_]]]:
+    """Yield the number of each image but the first, column and row of the image before that the motion leads to, and
+    which pixels it showed."""
+    for i in range(1, len(gbuffers)):
         depth, motion, before = (
             gbuffers[i].first("depth"),
             gbuffers[i].first("motion"),
@@ -114,16 +145,16 @@ def flicker(images: Images, references: Images, gbuffers: Sequence[GBuffer]) -> 
         expected = np.where(there, depth + motion[..., 2], 1.0)
         seen = before[np.rint(y).astype(int), np.rint(x).astype(int)]
         there &= np.abs(np.where(np.isfinite(seen), seen, 0.0) - expected) <= DEPTH * expected
-        change, own = (
-            np.abs(_logarithm(array[i]) - _between(_logarithm(array[i - 1]), x, y)) for array in (images, references)
-        )
-        found.append(np.maximum(change - own, 0.0)[there])
-    values = np.concatenate(found)
-    return float(values.mean()) if values.size else float("nan")
+        yield i, x, y, there
+
+
+def _luminance(radiance: NDArray[np.floating]) -> Doubles:
+    result: Doubles = np.asarray(radiance, np.float64).mean(axis=-1)
+    return result
 
 
 def _logarithm(radiance: NDArray[np.floating]) -> Doubles:
-    result: Doubles = np.log(np.asarray(radiance, np.float64).mean(axis=-1) + 0.01)
+    result: Doubles = np.log(_luminance(radiance) + 0.01)
     return result
 
 

@@ -39,6 +39,16 @@
     0.001953125f            // pixels: so near to whole ones motion is these, which blurs nothing
 #define ACCUMULATE_FAR 2e6f // pixels, beyond any image
 
+#if !ACCUMULATE_FIRST
+// One pixel a lane; `in_row`: they are neighbours, so that one load has them all.
+static inline vfloat accumulate_tap(ssgi_plane plane, const int2 size, const int image,
+                                    const vint x, const vint y, const int2 first, const bool in_row)
+{
+    return in_row ? ssgi_load(plane, size, image, first.x, first.y)
+                  : ssgi_gather(plane, size, image, x, y);
+}
+#endif
+
 __kernel void accumulate(ssgi_plane value, ssgi_plane depth,
 #if !ACCUMULATE_FIRST
                          ssgi_plane normal,
@@ -129,6 +139,13 @@ __kernel void accumulate(ssgi_plane value, ssgi_plane depth,
     const vint left = v_floor_to_int(column - 0.5f), top = v_floor_to_int(row - 0.5f);
     const vfloat part_x = column - 0.5f - v_to_float(left);
     const vfloat part_y = row - 0.5f - v_to_float(top);
+    // Of smooth motion, most taps of a work-item's pixels are neighbours.
+    const vint step_x = left - v_iota();
+    const int first_x = v_ilargest(v_iselect(v_splat_int(INT_MIN), step_x, there));
+    const int first_y = v_ilargest(v_iselect(v_splat_int(INT_MIN), top, there));
+    const bool beside =
+        SSGI_LANES > 1 &&
+        v_all(~there | (v_ieq(step_x, v_splat_int(first_x)) & v_ieq(top, v_splat_int(first_y))));
     vfloat total = zero, frames = zero;
     vfloat means[ACCUMULATE_COUNT], fasts[ACCUMULATE_COUNT], squares[ACCUMULATE_COUNT];
     for (int c = 0; c < ACCUMULATE_COUNT; ++c) {
@@ -149,7 +166,13 @@ __kernel void accumulate(ssgi_plane value, ssgi_plane depth,
         const vint whole_y = image_y + params.before_rows;
         const vfloat centre_x = v_to_float(whole_x) + 0.5f, centre_y = v_to_float(whole_y) + 0.5f;
 
-        const vfloat seen = ssgi_gather(depth_before, whole_before, 0, whole_x, whole_y);
+        const int2 place = (int2)(first_x + (t & 1), first_y + (t >> 1));
+        const int2 whole_place = place + (int2)(params.before_columns, params.before_rows);
+        const bool in_row = beside && place.x >= 0 && place.x < size_before.x && place.y >= 0 &&
+                            place.y < size_before.y; // what lies further right is guard
+
+        const vfloat seen =
+            accumulate_tap(depth_before, whole_before, 0, whole_x, whole_y, whole_place, in_row);
         const vmask full = v_lt(seen, v_splat(INFINITY));
         const vfloat off =
             temporal_off(point, camera_before, centre_x, centre_y, v_select(one, seen, full));
@@ -159,7 +182,8 @@ __kernel void accumulate(ssgi_plane value, ssgi_plane depth,
         // The surface was behind the front one, whose value is another's, if a deeper layer fits
         // better.
         for (int layer = 1; layer < ACCUMULATE_LAYERS; ++layer) {
-            const vfloat deeper = ssgi_gather(depth_before, whole_before, layer, whole_x, whole_y);
+            const vfloat deeper = accumulate_tap(depth_before, whole_before, layer, whole_x,
+                                                 whole_y, whole_place, in_row);
             const vmask some = v_lt(deeper, v_splat(INFINITY));
             behind |= some & v_lt(temporal_off(point, camera_before, centre_x, centre_y,
                                                v_select(one, deeper, some)),
@@ -167,9 +191,11 @@ __kernel void accumulate(ssgi_plane value, ssgi_plane depth,
         }
 #endif
         const vmask turned = temporal_turned(
-            point, ssgi_gather(normal_before, whole_before, 0, whole_x, whole_y),
-            ssgi_gather(normal_before, whole_before, 1, whole_x, whole_y),
-            ssgi_gather(normal_before, whole_before, 2, whole_x, whole_y), params.least_cosine);
+            point,
+            accumulate_tap(normal_before, whole_before, 0, whole_x, whole_y, whole_place, in_row),
+            accumulate_tap(normal_before, whole_before, 1, whole_x, whole_y, whole_place, in_row),
+            accumulate_tap(normal_before, whole_before, 2, whole_x, whole_y, whole_place, in_row),
+            params.least_cosine);
         vint failed = v_iselect(v_splat_int(0), v_splat_int(ACCUMULATE_NORMAL), turned);
         failed = v_iselect(failed, v_splat_int(ACCUMULATE_LAYER), behind);
         failed = v_iselect(failed, v_splat_int(ACCUMULATE_PLANE), apart);
@@ -182,14 +208,22 @@ __kernel void accumulate(ssgi_plane value, ssgi_plane depth,
         }
         weight = v_select(zero, weight, passes);
         total = total + weight;
-        frames = v_fma(weight, ssgi_gather(count_before, size_before, 0, image_x, image_y), frames);
+        frames = v_fma(
+            weight, accumulate_tap(count_before, size_before, 0, image_x, image_y, place, in_row),
+            frames);
         for (int c = 0; c < ACCUMULATE_COUNT; ++c) {
             means[c] =
-                v_fma(weight, ssgi_gather(mean_before, size_before, c, image_x, image_y), means[c]);
+                v_fma(weight,
+                      accumulate_tap(mean_before, size_before, c, image_x, image_y, place, in_row),
+                      means[c]);
             fasts[c] =
-                v_fma(weight, ssgi_gather(fast_before, size_before, c, image_x, image_y), fasts[c]);
-            squares[c] = v_fma(weight, ssgi_gather(square_before, size_before, c, image_x, image_y),
-                               squares[c]);
+                v_fma(weight,
+                      accumulate_tap(fast_before, size_before, c, image_x, image_y, place, in_row),
+                      fasts[c]);
+            squares[c] = v_fma(
+                weight,
+                accumulate_tap(square_before, size_before, c, image_x, image_y, place, in_row),
+                squares[c]);
         }
     }
     const vmask kept = v_le(v_splat(ACCUMULATE_LEAST), total);

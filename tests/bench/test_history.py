@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.bench.experiments import pans, steadiness
 from ssgi_cl.bench.experiments.history import alternated, film, main, measured, told
-from ssgi_cl.bench.experiments.shots import SHOTS
+from ssgi_cl.bench.experiments.shots import SHOTS, shots_of
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.device.runtime import Runtime
@@ -63,9 +63,23 @@ def test_flicker_is_change_beyond_that_of_the_reference() -> None:
     assert math.isnan(steadiness.flicker(noisy, still, hidden))  # nothing that the image before showed
 
 
+def test_pops_are_changes_of_pixels_that_stand_in_the_reference() -> None:
+    camera = Camera.orthographic((0, 0, 5), (0, 0, 0), view_height=3.0, width=SIZE[1], height=SIZE[0])
+    motion = np.zeros((*SIZE, 3), np.float32)
+    gbuffers = [GBuffer(camera=camera, depth=np.full(SIZE, 5.0, np.float32), motion=motion) for _ in range(4)]
+    still = [np.ones((*SIZE, 3)) for _ in gbuffers]
+    popping = [image.copy() for image in still]
+    popping[2][:3] += 0.02  # and back in the next frame
+    popping[2][3:6] += 0.005
+    assert steadiness.pops(popping, still, gbuffers) == pytest.approx(2 / 3 * 3 / SIZE[0])
+    assert steadiness.pops(still, still, gbuffers) == 0.0
+    assert steadiness.pops(still, popping, gbuffers) == 0.0
+    assert steadiness.pops(popping, popping, gbuffers) == 0.0
+
+
 def test_a_pan_turns_about_the_vertical_by_what_it_says(runtime: Runtime) -> None:
     made = pans.pan("cornell_box", SIZE, 5, runtime)
-    first, last = made.cameras[0], made.cameras[-1]
+    first, last = made[0].camera, made[-1].camera
     np.testing.assert_allclose(first.view, make_scene("cornell_box").camera(*SIZE[::-1]).view, atol=1e-12)
     np.testing.assert_allclose(last.position, first.position, atol=1e-9)
     assert math.acos(float(last.view[2, :3] @ first.view[2, :3])) == pytest.approx(4 * pans.TURN, rel=1e-3)
@@ -125,12 +139,45 @@ def test_a_shot_moves_what_it_says(runtime: Runtime, name: str) -> None:
     assert len(shots) == 6
     scenes, cameras = ({id(getattr(shot, part)) for shot in shots} for part in ("scene", "camera"))
     places = {tuple(shot.camera.position) for shot in shots}
-    assert len(scenes) == (6 if name == "turning object" else 1)
+    assert len(scenes) == (6 if name in ("turning object", "door that opens", "foliage in wind") else 1)
     assert len(places) == {"path through the hall": 6, "hard cut": 2}.get(name, 1)
     assert cameras
     lights = [len(shot.lights) for shot in shots]
-    assert lights == ([2, 2, 2, 1, 1, 1] if name == "light switched off" else [0] * 6)
+    wanted = {"light switched off": [2, 2, 2, 1, 1, 1], "door that opens": [2] * 6, "foliage in wind": [1] * 6}
+    assert lights == wanted.get(name, [0] * 6)
+    assert {shot.bounce for shot in shots} == {name == "light switched off"}
     assert [shot.switched for shot in shots] == [name == "light switched off" and n == 3 for n in range(6)]
+
+
+@pytest.mark.parametrize(("name", "share"), [("door that opens", 0.05), ("foliage in wind", 0.5)])
+def test_parts_of_a_scene_move_and_the_rest_stands(name: str, share: float) -> None:
+    first, second, *_ = (np.asarray(shot.scene.positions) for shot in SHOTS[name](SIZE, 6))
+    went = np.linalg.norm(second - first, axis=-1)
+    assert 0.0 < went.max() < 0.1  # scene units a frame
+    assert (went > 0.0).mean() > share
+    assert (went == 0.0).any()
+
+
+def test_foliage_comes_back_after_a_swing() -> None:
+    first, *_, last = (np.asarray(shot.scene.positions) for shot in SHOTS["foliage in wind"](SIZE, 25))
+    np.testing.assert_allclose(last, first, atol=1e-5)
+
+
+def test_a_walk_goes_ahead_through_any_scene(runtime: Runtime) -> None:
+    shots = list(shots_of("cornell_box", SIZE, 3, runtime))
+    room = make_scene("cornell_box")
+    way = [np.linalg.norm(shot.camera.position - room.eye) for shot in shots]
+    # .6 % of the way to the target a frame
+    reach = float(np.linalg.norm(np.subtract(room.target, room.eye)))
+    np.testing.assert_allclose(way, [0.0, 0.006 * reach, 0.012 * reach], atol=1e-9)
+
+
+def test_model_one_frame_old_is_exact_where_nothing_moves_and_not_on_a_path(runtime: Runtime) -> None:
+    still = measured(film(SHOTS["still camera"](SIZE, 10), 0, runtime))
+    # Means of the same 64 patterns of the same view.
+    assert still["model, one frame old"]["model"] < 1e-6
+    path = measured(film(SHOTS["path through the hall"](SIZE, 10), 0, runtime))
+    assert path["model, one frame old"]["model"] > 0.01
 
 
 def test_history_errs_less_than_one_frame_and_a_cut_leaves_no_trail(runtime: Runtime) -> None:

@@ -193,7 +193,11 @@ class Accumulate(Prepared[AccumulateParams]):
         if clamps or joins:
             if not clamps:
                 packed = self._packed(camera, gbuffer, previous, sigma=UNHELD)
-            macros = {"ACCUMULATE_COUNT": self.channels, "ACCUMULATE_REACH": params.clamp_radius}
+            macros = {
+                "ACCUMULATE_COUNT": self.channels,
+                "ACCUMULATE_REACH": params.clamp_radius,
+                "ACCUMULATE_YOUNG": int(joins),
+            }
             self.runtime.kernel("temporal/accumulate_clamp.cl", macros, structs).run(
                 self.size,
                 blended=blended,

@@ -26,10 +26,10 @@ REACH = 1.01
 """Length of rays, in diagonals of the scene's box."""
 PLACES = 16
 """Places along a pixel's side that differ in their rays."""
-SHARES = (1.0, 0.77, 0.4, 0.0625)
+SHARES = (1.0, 0.77, 0.4, 0.15)
 """Parts of the rays that points of the coarsest level have, of those of the next ones, the last of all finer. Points of
-fine levels lie on small surfaces, where noise is hidden: with a fifth to a half of all rays FLIP of parlour, a room
-with rods and one with a spot light stays within .0006, and cornell_box has .0563 in place of .0555."""
+fine levels lie on small surfaces, where noise is hidden: with a third to a half of all rays FLIP of parlour stays
+within .0001, that of rooms with rods, a panel and a spot light within .0003, and cornell_box has .0561, not .0555."""
 LEAST = 4
 """Rays of a point."""
 FOUND = 4

@@ -14,7 +14,7 @@ from ssgi_cl.device.arrays import Plane
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats, ints
 from ssgi_cl.techniques.multires.multires_grid import Level
-from ssgi_cl.techniques.occupancy.scene_rays import SCENE_RAYS, SceneRays
+from ssgi_cl.techniques.occupancy.scene_rays import SCENE_RAYS, SceneRays, rays_carry_first_bounce
 from ssgi_cl.techniques.radiosity.light_volume import LightVolume, device_volume
 from ssgi_cl.techniques.vpl.packed_vpls import VPL, packed_params
 from ssgi_cl.techniques.vpl.vpl_tree import CPU_ITEMS
@@ -30,6 +30,8 @@ SHARES = (1.0, 0.77, 0.4, 0.15)
 """Parts of the rays that points of the coarsest level have, of those of the next ones, the last of all finer. Points of
 fine levels lie on small surfaces, where noise is hidden: with a third to a half of all rays FLIP of parlour stays
 within .0001, that of rooms with rods, a panel and a spot light within .0003, and cornell_box has .0561, not .0555."""
+BLURRED = 0.0625
+"""The last of `SHARES` in scenes of many triangles, where frames blur what rays find: hall has FLIP .125, not .124."""
 LEAST = 4
 """Rays of a point."""
 FOUND = 4
@@ -61,7 +63,7 @@ class FinalGather:
 
     def __init__(self, runtime: Runtime, rays: int) -> None:
         self.runtime = runtime
-        counts = [math.isqrt(max(int(share * rays), LEAST)) ** 2 for share in SHARES]
+        counts = [math.isqrt(max(int(share * rays), LEAST)) ** 2 for share in (*SHARES, BLURRED)]
         self._ways = [(count, runtime.array(hemisphere_ways(count))) for count in counts]
         self._volume: LightVolume | None = None
         self._found: Plane | None = None
@@ -74,6 +76,7 @@ class FinalGather:
             self._cells, self._records = device_volume(self.runtime, volume)
         x, y, z = ((np.asarray(scene.origin) - volume.low) / volume.side).tolist()
         columns_on, rows_on = tile_turn(camera)
+        self._blurred = rays_carry_first_bounce(scene)
         self._params = GATHER.pack(
             {
                 "per_cell": 1.0 / volume.side,
@@ -101,7 +104,8 @@ class FinalGather:
         if kept and (self._found is None or self._found.size != level.size):
             self._found = self.runtime.plane(FOUND, level.size)
         values = self._found if kept else level.values
-        count, ways = self._ways[min(level.number, len(self._ways) - 1)]
+        finest = len(SHARES) if self._blurred else len(SHARES) - 1
+        count, ways = self._ways[finest if level.number >= len(SHARES) - 1 else level.number]
         self._run(
             level,
             "multires/final_gather.cl",

@@ -214,7 +214,7 @@ CASES = {
     "accumulate": Case(
         accumulated,
         gi.AccumulateParams,
-        {"limit": 3, "fast": 1, "young": 4},
+        {"limit": 3, "fast": 1, "young": 2},
         {"limit": 2, "fast": 2, "clamp_sigma": 0.3, "plane_distance": 0.05, "normal_angle": 0.02, "young": 8},
     ),
     "upsample": Case(upsampled, UpsampleParams, {}, {"background": 3.0, "depth_sigma": 0.5, "normal_sigma": 2.0}),

@@ -9,13 +9,13 @@
 // Reads:   depth, normal  of the samples' G-buffer, with margin; view space
 //          list     how many samples there are, and so many times row << 16 | column
 //          ways     [GATHER_RAYS][3][GATHER_TILE^2] directions, z along the normal
-//          nodes, triangles  see rays/bvh.clh
+//          nodes, blocks, triangles  see rays/first.clh
 //          cells, volume  its cells and records, see radiosity/volume.clh
 //          fractions   [rows, columns] what the light counts for, see multires_interpolate
 // Writes:  values   3 x [rows, columns], W/m^2: the light is added, at the samples alone; with
 //                   GATHER_KEPT 4 x, where the light is written, and the mean of 1 / distance of
 //                   what rays meet, in lengths of the receivers
-// Macros:  GATHER_RAYS, GATHER_KEPT (0, 1)
+// Macros:  GATHER_RAYS, GATHER_KEPT (0, 1), RAYS_ONE (0, 1)
 // Params:  RaysParams; GatherParams: cells of the volume per unit of the hierarchy's space and
 // where
 //          its origin is in cells; length of rays; columns and rows that the tiles are moved by
@@ -26,6 +26,7 @@
 #include "common/gbuffer.clh"
 #include "multires/cut.clh"
 #include "rays/ends.clh"
+#include "rays/first.clh"
 #include "rays/hemisphere.clh"
 #include "radiosity/volume.clh"
 
@@ -36,10 +37,11 @@
 __kernel void
 final_gather(ssgi_plane depth, ssgi_plane normal, __global const int *restrict list,
              __global const float *restrict ways, __global const float *restrict nodes,
-             __global const float *restrict triangles, const RaysParams rays,
-             __global const int *restrict cells, __global const float *restrict volume,
-             ssgi_plane fractions, __global float *restrict values, const int2 size,
-             const SsgiCamera camera, const VplParams params, const GatherParams gather)
+             __global const float *restrict blocks, __global const float *restrict triangles,
+             const RaysParams rays, __global const int *restrict cells,
+             __global const float *restrict volume, ssgi_plane fractions,
+             __global float *restrict values, const int2 size, const SsgiCamera camera,
+             const VplParams params, const GatherParams gather)
 {
     const int listed = list[0];
     const vfloat zero = v_splat(0.0f);
@@ -68,7 +70,7 @@ final_gather(ssgi_plane depth, ssgi_plane normal, __global const int *restrict l
             const vfloat wx = way[0], wy = way[1], wz = way[2];
             const RaysRay line = {
                 from.x, from.y, from.z, wx * gather.reach, wy * gather.reach, wz * gather.reach};
-            const RaysHit hit = rays_closest(nodes, triangles, line, at.there);
+            const RaysHit hit = rays_first(nodes, blocks, triangles, line, at.there);
             const vmask met = v_ige(hit.triangle, v_splat_int(0));
             if (!v_any(met)) {
                 continue;

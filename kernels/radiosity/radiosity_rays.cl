@@ -7,14 +7,14 @@
 //          that are met the part that radiosity_emission leaves counts (balance heuristic).
 // Reads:   points     see radiosity/points.clh
 //          ways       [rays][3][GATHER_TILE^2] directions, z along the normal
-//          nodes, triangles  see rays/bvh.clh
+//          nodes, blocks, triangles  see rays/first.clh
 //          cells, volume  see radiosity/volume.clh; areas alone
 //          emission   [triangles of the scene][4] radiance, and the density q of radiosity_emission
 // Writes:  places     [rays][3][size.x] where the sides begin in the records of the volume, x -1
 //                     where nothing is met
 //          shares     [rays][2][size.x] what the sides of x and y count; that of z is the rest of 1
 //          irradiance 3 x [size.x] by emission
-// Macros:  RADIOSITY_EMITS (0, 1: any triangle does)
+// Macros:  RADIOSITY_EMITS (0, 1: any triangle does), RAYS_ONE (0, 1)
 // Params:  rays; count: of places that radiosity_emission draws; lift: height above their surfaces
 // at
 //          which rays begin; reach: their length; per_cell, cell_x, cell_y, cell_z: cells of the
@@ -23,6 +23,7 @@
 // Cost:    a walk through the hierarchy for each ray
 
 #include "radiosity/points.clh"
+#include "rays/first.clh"
 #include "rays/hemisphere.clh"
 #include "radiosity/volume.clh"
 
@@ -32,13 +33,13 @@
 
 __kernel void
 radiosity_rays(__global const float *restrict points, __global const float *restrict ways,
-               __global const float *restrict nodes, __global const float *restrict triangles,
-               __global const int *restrict cells, __global const float *restrict volume,
-               __global const float *restrict emission, __global int *restrict places,
-               __global float *restrict shares, __global float *restrict irradiance,
-               const int2 size, const int rays, const float count, const float lift,
-               const float reach, const float per_cell, const float cell_x, const float cell_y,
-               const float cell_z)
+               __global const float *restrict nodes, __global const float *restrict blocks,
+               __global const float *restrict triangles, __global const int *restrict cells,
+               __global const float *restrict volume, __global const float *restrict emission,
+               __global int *restrict places, __global float *restrict shares,
+               __global float *restrict irradiance, const int2 size, const int rays,
+               const float count, const float lift, const float reach, const float per_cell,
+               const float cell_x, const float cell_y, const float cell_z)
 {
     const int first = ssgi_first_column();
     const int stride = size.x;
@@ -55,7 +56,7 @@ radiosity_rays(__global const float *restrict points, __global const float *rest
         const vfloat cosine = hemisphere_way(frame, ways, i, tile, way);
         const vfloat wx = way[0], wy = way[1], wz = way[2];
         const RaysRay line = {at.x, at.y, at.z, wx * reach, wy * reach, wz * reach};
-        const RaysHit hit = rays_closest(nodes, triangles, line, v_splat_int(-1));
+        const RaysHit hit = rays_first(nodes, blocks, triangles, line, v_splat_int(-1));
         const vmask met = v_ige(hit.triangle, v_splat_int(0));
         const vint t = v_iselect(v_splat_int(0), hit.triangle, met) * RAYS_TRIANGLE;
         vfloat away[3];

@@ -26,6 +26,13 @@ MOST_CUTS = 512
 """Triangles that cutting adds at most, and as many again as an eighth of the scene's."""
 BINS = 16
 """Places at which a node may be split, and one."""
+DEEPEST = 40
+"""Levels of nodes, of any scene, that are split where it promises the least work; those below are halved, so that the
+hierarchy of any scene has fewer than 72."""
+EDGE, ROUNDING = 2e-5, 2e-6
+"""Boxes reach so far beyond triangles, relative to their longest edge (twice `RAYS_EDGE` of kernels/rays/bvh.clh) and
+to the diagonal of the scene's box, that a ray which meets a triangle also meets each box round it, as computed: what
+is met first does not depend on the order of boxes."""
 NODE, TRIANGLE = 8, 12
 """Floats of a node and of a triangle."""
 
@@ -58,7 +65,8 @@ def bvh_of(corners: Floats, culled: NDArray[np.bool_], holes: NDArray[np.int32] 
         nodes = np.zeros((1, NODE), np.float32)
         nodes[:, 0:3], nodes[:, 4:7], nodes.view(np.int32)[:, 3] = np.inf, -np.inf, 1
         return Bvh(nodes, np.zeros((1, TRIANGLE), np.float32))
-    low, high = corners.min(axis=1), corners.max(axis=1)
+    margin = _margin(corners)
+    low, high = corners.min(axis=1) - margin, corners.max(axis=1) + margin
     order, levels = _split(low, high)
     sizes = _sizes(levels)
     nodes = np.zeros((int(sizes[0][0]), NODE), np.float32)
@@ -81,6 +89,13 @@ def bvh_of(corners: Floats, culled: NDArray[np.bool_], holes: NDArray[np.int32] 
     if holes is not None:
         triangles.view(np.int32)[:, 11] = holes[number]
     return Bvh(nodes, triangles)
+
+
+def _margin(corners: Floats) -> Floats:
+    """Return [triangles, 1] by how much boxes reach beyond triangles."""
+    diagonal = float(np.linalg.norm(np.ptp(corners.reshape(-1, 3), axis=0)))
+    longest = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
+    return np.asarray(EDGE * longest + ROUNDING * diagonal, np.float32)[:, None]
 
 
 class _Level(NamedTuple):
@@ -127,7 +142,10 @@ def _split(low: Floats, high: Floats) -> tuple[NDArray[np.int64], list[_Level]]:
         inside, own = inside[np.repeat(parted, count)], own[np.repeat(parted, count)]
         first, count = first[parted], count[parted]
         starts = np.cumsum(count) - count
-        order[inside], left = _halves(low, high, middle, own, starts, count)
+        if len(levels) < DEEPEST:
+            order[inside], left = _halves(low, high, middle, own, starts, count)
+        else:
+            left = count // 2
         first = np.stack([first, first + left], axis=1).ravel()
         count = np.stack([left, count - left], axis=1).ravel()
     return order, levels

@@ -12,6 +12,7 @@ from ssgi_cl.core.environment_samples import POINTS
 from ssgi_cl.core.hemisphere import TILE
 from ssgi_cl.core.history import Reset
 from ssgi_cl.core.vpls import SHARPEST
+from ssgi_cl.core.wide_bvh import WAITING
 
 SSGI_GUARD = 16
 """Floats between the rows of a plane: a load may reach so far past either end of a row."""
@@ -76,6 +77,9 @@ MULTIRES_TILE = 16
 
 GATHER_TILE = TILE
 """Points along the side of a tile whose points have other rays each; a power of two."""
+
+RAYS_WAITING = WAITING
+"""Boxes that wait to be entered on the way of a ray, at most."""
 
 SUBSPLAT_IMAGES = 5
 """Images of a level of the min-max mipmap, see kernels/multires/variation.clh."""

@@ -21,6 +21,7 @@ def run_expressions(
     expressions: Mapping[str, str],
     *,
     returns: str = "vfloat",
+    macros: Mapping[str, int] | None = None,
     values: Mapping[str, tuple[Struct, Any]] | None = None,
     tables: Mapping[str, NDArray[Any]] | None = None,
     planes: Mapping[str, Plane] | None = None,
@@ -32,6 +33,7 @@ def run_expressions(
         include: the file of kernels/ that has the functions.
         expressions: name -> expression of type `returns`, "vfloat" or "vint". Beside the arguments
             below it may use `first`, the index of its first element.
+        macros: name -> what the host defines.
         values: name -> structs passed by value.
         tables: name -> memory of float32 or int32 numbers.
         planes: name -> planes of one size, which the expression knows as `size`.
@@ -60,7 +62,9 @@ def run_expressions(
         for index, expression in enumerate(expressions.values())
     ]
     text = "\n    ".join([f'#include "{include}"\n__kernel void expression({", ".join(arguments)})\n{{', *body])
-    kernel = runtime.kernel_from_text("expression", text + "\n}\n", structs=[struct for struct, _ in values.values()])
+    kernel = runtime.kernel_from_text(
+        "expression", text + "\n}\n", macros, structs=[struct for struct, _ in values.values()]
+    )
     result = runtime.empty(whole * len(expressions), np.float32 if kind == "float" else np.int32)
     size = next(iter(planes.values())).size if planes else (1, whole)
     kernel.run(

@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ssgi_cl.core.bvh import bvh_of
+from ssgi_cl.core.wide_bvh import wide_bvh_of
 from ssgi_cl.device.runtime import Runtime
 
 from .expression import run_expressions
@@ -129,3 +130,50 @@ def test_nothing_blocks_an_empty_scene_and_unwanted_rays_are_not_cast(runtime: R
     wall = np.array([[[0.5, -9, -9], [0.5, 9, -9], [0.5, 0, 9]]], np.float32)
     wanted = (np.arange(20) % 2).astype(np.float32)
     np.testing.assert_array_equal(blocked(runtime, wall, np.zeros(1, bool), origin, way, wanted), wanted > 0.0)
+
+
+@pytest.mark.parametrize("scene", ["small triangles", "boxes along the axes", "nothing"])
+def test_rays_one_by_one_meet_what_rays_together_meet(
+    variant_runtime: Runtime, scene: str, rng: np.random.Generator
+) -> None:
+    if scene == "small triangles":
+        corners = rng.uniform(-1, 1, (5000, 1, 3)) + rng.normal(0.0, 0.05, (5000, 3, 3))
+    else:
+        # Sides that share edges, many in planes of the axes and of each other.
+        low = rng.integers(-8, 8, (400, 1, 1, 3)) / 8
+        side = rng.integers(1, 4, (400, 1, 1, 3)) / 8
+        square = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])[[[0, 1, 2], [0, 2, 3]]]
+        faces = [np.insert(square, axis, at, axis=-1) for axis in range(3) for at in (0, 1)]
+        corners = (low + side * np.concatenate(faces)).reshape(-1, 3, 3)
+        corners = corners[: 0 if scene == "nothing" else None]
+    culled = rng.random(len(corners)) < 0.3
+    bvh = bvh_of(corners.astype(np.float32), culled)
+    origin = rng.uniform(-1.5, 1.5, (6000, 3)).astype(np.float32)
+    way = (rng.uniform(-1.5, 1.5, (6000, 3)) - origin).astype(np.float32)
+    way[:600, rng.integers(0, 3)] = 0.0
+    way[600:1200] = np.round(8 * way[600:1200]) / 8
+    origin[600:1200] = np.round(8 * origin[600:1200]) / 8
+    wanted = (rng.random(len(origin)) < 0.7).astype(np.float32)
+    lanes = variant_runtime.variant.lanes
+    wide = wide_bvh_of(bvh, lanes) if lanes > 1 else None
+    tables = {
+        "nodes": bvh.nodes.ravel(),
+        "triangles": bvh.triangles.ravel(),
+        "wide": (bvh.nodes if wide is None else wide.nodes).ravel(),
+        "blocks": (bvh.nodes if wide is None else wide.blocks).ravel(),
+    }
+    together = f"rays_closest(nodes, triangles, {RAY}, v_gt(wanted, v_splat(0.0f)))"
+    one = f"rays_first(wide, blocks, triangles, {RAY}, v_gt(wanted, v_splat(0.0f)))"
+    found = run_expressions(
+        variant_runtime, "rays/first.clh",
+        {
+            "where": f"{together}.where", "triangle": f"v_to_float({together}.triangle)",
+            "where_one": f"{one}.where", "triangle_one": f"v_to_float({one}.triangle)",
+        },
+        macros={"RAYS_ONE": 1}, tables=tables, wanted=wanted,
+        **dict(zip(("x", "y", "z", "wx", "wy", "wz"), np.concatenate([origin, way], axis=1).T, strict=True)),
+    )  # fmt: skip
+    np.testing.assert_array_equal(found["where_one"], found["where"])
+    np.testing.assert_array_equal(found["triangle_one"], found["triangle"])
+    met = np.count_nonzero(found["triangle"] >= 0.0)
+    assert met == 0 if scene == "nothing" else 1000 < met < np.count_nonzero(wanted)

@@ -109,11 +109,11 @@ class FinalGather:
         self._run(
             level,
             "multires/final_gather.cl",
-            {"GATHER_RAYS": count, "GATHER_KEPT": int(kept)},
+            {"GATHER_RAYS": count, "GATHER_KEPT": int(kept), **rays.bvh.first_macros},
             (SCENE_RAYS, GATHER),
             per_unit,
             ways=ways,
-            **rays.arguments,
+            **{**rays.arguments, **rays.bvh.first},
             cells=self._cells,
             volume=self._records,
             values=values,

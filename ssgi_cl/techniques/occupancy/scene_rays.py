@@ -43,11 +43,12 @@ class SceneRays:
         unit: scene units of the length in which the kernel counts.
 
     Attributes:
+        bvh: the hierarchy.
         arguments: of such kernels.
     """
 
     def __init__(self, runtime: Runtime, scene: Scene, view: NDArray[np.float64], unit: float) -> None:
-        made = scene_bvh(scene, runtime)
+        self.bvh = made = scene_bvh(scene, runtime)
         # In float64: origin and camera may be far from the world's and near each other.
         turn, shift = view[:3, :3].T, -view[:3, :3].T @ view[:3, 3] - scene.origin
         values = np.column_stack([turn * unit, shift]).ravel().tolist()

@@ -161,12 +161,11 @@ class SurfelRays:
         shines = _emission(glow, brightest, power)[scene.material_ids] if emits else np.zeros(4, np.float32)
         side, first = areas.side, (np.asarray(scene.origin) - areas.low) / areas.side
         cell: dict[str, Any] = {f"cell_{axis}": float(first[i]) for i, axis in enumerate("xyz")}
-        runtime.kernel("radiosity/radiosity_rays.cl", {"RADIOSITY_EMITS": int(emits)}).run(
+        runtime.kernel("radiosity/radiosity_rays.cl", {"RADIOSITY_EMITS": int(emits), **self._bvh.first_macros}).run(
             (1, self._stride),
             points=self._points,
             ways=runtime.array(hemisphere_ways(RAYS)),
-            nodes=self._bvh.nodes,
-            triangles=self._bvh.triangles,
+            **self._bvh.first,
             cells=runtime.array(areas.cells.ravel()),
             volume=self._volume,
             emission=runtime.array(shines),

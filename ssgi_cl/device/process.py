@@ -36,6 +36,11 @@ def check_not_forked() -> None:
         )
 
 
+def loaded_driver() -> str | None:
+    """Return the driver that this process uses, if it uses one."""
+    return _loaded_driver
+
+
 def load_driver(info: DeviceInfo) -> None:
     """Make the loader see this driver alone, which only works before its first use."""
     global _loaded_driver

@@ -27,7 +27,7 @@ from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.memory import DeviceMemory, outline
 from ssgi_cl.device.opencl import described, listed_device, opencl
 from ssgi_cl.device.prepared import PreparedResults
-from ssgi_cl.device.process import check_not_forked, load_driver, usable_device
+from ssgi_cl.device.process import check_not_forked, load_driver, loaded_driver, usable_device
 from ssgi_cl.device.programs import Programs
 from ssgi_cl.device.shared import channels_first, strided, unpack
 from ssgi_cl.device.structs import Struct
@@ -117,14 +117,14 @@ class Runtime:
 
     @classmethod
     def _opened(cls, name: str | None, lanes: int | None, storage: str | None) -> Runtime:
-        info, variant = drivers.choose_variant(name, lanes, storage)
+        info, variant = drivers.choose_variant(name, lanes, storage, loaded_driver())
         key = (info.driver, info.platform, info.device, variant, os.environ.get(image_limits.VARIABLE))
         runtime = _OPENED.get(key)
         if runtime is None:
             load_driver(info)
             if listed_device(info) is None:  # the record is of another configuration
                 drivers.look_again(Path(info.driver))
-                info, variant = drivers.choose_variant(name, lanes, storage)
+                info, variant = drivers.choose_variant(name, lanes, storage, loaded_driver())
                 load_driver(info)
             runtime = _OPENED[key] = cls(info, variant)
             drivers.confirm(info, variant, lambda: speed_in_use(cls(info, variant)))

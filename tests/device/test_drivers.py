@@ -126,6 +126,17 @@ def test_looking_again_forgets_records(alone: Path, monkeypatch: pytest.MonkeyPa
     assert drivers.choose(None).speed == 7.0
 
 
+def test_a_process_keeps_its_driver_when_another_turns_out_faster(alone: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    other = alone.with_name("other.icd")
+    monkeypatch.setattr(drivers, "devices", lambda: (info(alone, 5.0), info(other, 7.0), info(alone, 6.0, "Test 2: b")))
+    assert drivers.choose(None) == info(other, 7.0)
+    assert drivers.choose(None, str(alone)).speed == 6.0
+    assert drivers.choose_variant(None, None, None, str(alone))[0].speed == 6.0
+    # One that is asked for by name is that one, and the caller is told of the clash.
+    monkeypatch.setattr(drivers, "devices", lambda: (info(alone, 5.0), info(other, 7.0, "Test 2: b")))
+    assert drivers.choose("test 2", str(alone)) == info(other, 7.0, "Test 2: b")
+
+
 # ---- records of another configuration
 
 

@@ -104,8 +104,13 @@ def problems() -> list[str]:
     return [found.reason for path in driver_files() if (found := _looked_at(path)).reason]
 
 
-def choose(name: str | None) -> DeviceInfo:
+def choose(name: str | None, loaded: str | None = None) -> DeviceInfo:
     """Return the fastest device whose label holds every word of `name` (any device if None).
+
+    Args:
+        name: words of the label.
+        loaded: the driver that this process uses, whose devices come before all others: a record that
+            is made anew may rank drivers otherwise.
 
     Raises:
         DeviceError: none fits; the message lists what there is, why it does not run, the file that
@@ -116,7 +121,7 @@ def choose(name: str | None) -> DeviceInfo:
     fitting = [info for info in found if all(word in info.label.lower() for word in words)]
     usable = [info for info in fitting if info.best is not None]
     if usable:
-        return max(usable, key=lambda info: info.speed)
+        return max(usable, key=lambda info: (info.driver == loaded, info.speed))
     lines = [f"  {info.label}" for info in found] or ["  none"]
     if not found:
         lines += [f"  {reason}" for reason in problems()]
@@ -192,13 +197,15 @@ def _looked_at(driver: Path) -> Found:
     return found
 
 
-def choose_variant(name: str | None, lanes: int | None, storage: str | None) -> tuple[DeviceInfo, KernelVariant]:
-    """Return the device and the kernel variant that `Runtime.open` is asked for.
+def choose_variant(
+    name: str | None, lanes: int | None, storage: str | None, loaded: str | None = None
+) -> tuple[DeviceInfo, KernelVariant]:
+    """Return the device and the kernel variant that `Runtime.open` is asked for; `loaded` as in `choose`.
 
     Raises:
         DeviceError: no such device, or it cannot run this variant.
     """
-    info = choose(name)
+    info = choose(name, loaded)
     variant = info.best
     assert variant is not None  # noqa: S101  choose() returns usable devices only
     if lanes is not None or storage is not None:

@@ -171,7 +171,7 @@ def test_a_record_that_the_driver_contradicts_is_made_anew(runtime: Runtime, mon
     ):
         known = [stale]
         monkeypatch.setattr("ssgi_cl.device.runtime._OPENED", {})
-        monkeypatch.setattr(drivers, "choose", lambda name, known=known: known[-1])
+        monkeypatch.setattr(drivers, "choose", lambda name, loaded, known=known: known[-1])
         monkeypatch.setattr(drivers, "look_again", lambda driver, known=known: known.append(true))
         monkeypatch.setattr(drivers, "confirm", lambda info, variant, speed: None)
         assert Runtime.open().info == true

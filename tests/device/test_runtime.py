@@ -68,7 +68,7 @@ def test_a_variant_that_no_kernel_has_is_refused(runtime: Runtime) -> None:
 def test_a_variant_that_the_device_cannot_run_is_refused(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
     speeds: dict[str, float | str] = {"1 lane, buffer": 1.0, "16 lanes, buffer": "it crashes"}
     broken = drivers.DeviceInfo("none.icd", 0, 0, "Broken", "cpu", 1, speeds)
-    monkeypatch.setattr(drivers, "choose", lambda name: broken)
+    monkeypatch.setattr(drivers, "choose", lambda name, loaded: broken)
     with pytest.raises(DeviceError, match="Broken cannot run 16 lanes, buffer: it crashes"):
         Runtime.open(lanes=16)
     with pytest.raises(DeviceError, match="this process already uses the driver"):

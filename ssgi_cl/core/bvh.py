@@ -24,6 +24,9 @@ LONGEST = 1.0 / 8.0
 widens the boxes of all that lie near its middle."""
 MOST_CUTS = 512
 """Triangles that cutting adds at most, and as many again as an eighth of the scene's."""
+MARGIN = 2e-5
+"""Of a node's box, relative to its diagonal: edges of triangles are RAYS_EDGE of their height wider than they are
+(kernels/rays/bvh.clh), and tests of boxes round."""
 BINS = 16
 """Places at which a node may be split, and one."""
 NODE, TRIANGLE = 8, 12
@@ -35,8 +38,8 @@ class Bvh:
     """Nodes and triangles, in the order in which rays come to them.
 
     Attributes:
-        nodes: [nodes, 8] float32: least corner; number of the node that follows when it is missed (int32 bits);
-            greatest corner; of a leaf, first triangle * 8 + count, otherwise 0 (int32 bits).
+        nodes: [nodes, 8] float32: least corner, less a margin; number of the node that follows when it is missed
+            (int32 bits); greatest corner and the margin; of a leaf, first triangle * 8 + count, otherwise 0 (int32 bits).
         triangles: [triangles, 12] float32: a corner, the edges from it to the others, 1 where the back is not
             there, the number of the triangle (int32 bits), `holes` (int32 bits).
     """
@@ -65,7 +68,9 @@ def bvh_of(corners: Floats, culled: NDArray[np.bool_], holes: NDArray[np.int32] 
     bits = nodes.view(np.int32)
     places = np.zeros(1, np.int64)
     for level, size, below in zip(levels, sizes, [*sizes[1:], np.zeros(0, np.int64)], strict=True):
-        nodes[places, 0:3], nodes[places, 4:7] = level.low, level.high
+        # The box of a node is as large as those of its parts, or larger, and so is its margin: they stay within it.
+        margin = (MARGIN * np.linalg.norm(level.high - level.low, axis=1, keepdims=True)).astype(np.float32)
+        nodes[places, 0:3], nodes[places, 4:7] = level.low - margin, level.high + margin
         bits[places, 3] = places + size
         leaf = ~level.parted
         bits[places[leaf], 7] = 8 * level.first[leaf] + level.size[leaf]

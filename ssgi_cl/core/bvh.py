@@ -39,7 +39,8 @@ class Bvh:
 
     Attributes:
         nodes: [nodes, 8] float32: least corner, less a margin; number of the node that follows when it is missed
-            (int32 bits); greatest corner and the margin; of a leaf, first triangle * 8 + count, otherwise 0 (int32 bits).
+            (int32 bits); greatest corner and the margin; of a leaf, first triangle * 8 + count, otherwise 0
+            (int32 bits).
         triangles: [triangles, 12] float32: a corner, the edges from it to the others, 1 where the back is not
             there, the number of the triangle (int32 bits), `holes` (int32 bits).
     """

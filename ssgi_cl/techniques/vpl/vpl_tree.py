@@ -36,7 +36,7 @@ LISTED = 1 << 23
 """Places of the lists of one pass, and floats of its samples, which bounds their memory."""
 ROWS = 4
 """Times so many samples as a work-item has lanes: each light is read once for all of them.
-With visibility half of them, as shadow rays need registers."""
+With visibility half of them, as shadow rays need registers; on GPUs one, whose work-groups read lights together."""
 SHARES = (4, 16, 64)
 """Lights that may share a shadow ray: those of a run."""
 BRIGHT = 0.35
@@ -111,8 +111,11 @@ class VplTree:
         self._order = runtime.kernel("multires/cluster_order.cl", {}, (CAMERA, VPL))
         self._make_runs = runtime.kernel("multires/cluster_means.cl", {}, (CAMERA, VPL))
         self._limits = runtime.kernel("multires/cut_limits.cl")
-        self._cut = runtime.kernel("multires/cut_lists.cl", {}, (CAMERA, VPL, CUT))
-        self._rows = ROWS // 2 if grid else ROWS
+        # A GPU has a work-item for each sample: few groups would not fill it.
+        is_gpu = runtime.info.kind == "gpu"
+        self._items = GROUP if is_gpu else 1
+        self._cut = runtime.kernel("multires/cut_lists.cl", {"CUT_ITEMS": self._items}, (CAMERA, VPL, CUT))
+        self._rows = 1 if is_gpu else ROWS // 2 if grid else ROWS
         macros = macros | {
             "SHADE_ROWS": self._rows,
             "VPL_VISIBILITY": int(grid is not None),
@@ -259,8 +262,8 @@ class VplTree:
                 }
                 self._cut.run(
                     source.size,
-                    grid=(segments, min(here, items)),
-                    local=local or (1, SSGI_GROUP),
+                    grid=(segments, min(here * self._items, items)),
+                    local=local or (1, GROUP),
                     depth=source.depth,
                     normal=source.normal,
                     bounds=self._bounds,

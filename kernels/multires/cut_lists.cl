@@ -14,12 +14,13 @@
 //                   depends on no lane; + CUT_SHARED where all lights of the run of 64 share a
 //                   shadow ray, + CUT_BRIGHT where those of a run of 4 do
 //          counts   [segments][groups]
+// Macros:  CUT_ITEMS: work-items that a group of samples has, 1 or, with one lane, CUT_GROUP
 // Params:  CutParams: the first group and how many at most; segments from params.segment on, and
 //          lights of all; scale from W/m^2 to the lights' unit;
 //          share of the tolerance below which the light of a run of 64 is faint, and above which
 //          that of a run of 16 is bright
-// Launch:  any number of work-items, each of which takes every so-many-th group; a row of
-//          work-groups for each segment
+// Launch:  a row of work-groups for each segment: of any number of work-items, each of which takes
+//          every so-many-th group; with more CUT_ITEMS a work-group of these for each group
 // Cost:    per group 4 reads a sample, 200 operations for each run of 16, and 24 for each light
 //          and 90 for each run of 4 in those that are open
 
@@ -31,7 +32,127 @@
 #error "CUT_BRIGHT is twice CUT_SHARED"
 #endif
 
+#ifndef CUT_ITEMS
+#error "CUT_ITEMS must be defined by the host"
+#endif
+#if CUT_ITEMS > 1 && (CUT_ITEMS != CUT_GROUP || SSGI_LANES != 1)
+#error "CUT_ITEMS is 1 or, with one lane, CUT_GROUP"
+#endif
+
 #define CUT_OUTSHONE 0.2f // 1 / that ratio from which on more lights share a shadow ray
+
+// What becomes of a run.
+#define CUT_OPEN 0 // its parts are looked at
+#define CUT_DARK 1 // nothing
+#define CUT_FITS 2 // it stands for its lights
+#define CUT_MOST 3 // the run of 64 that it begins does
+
+static inline vint cut_state(const CutTest test)
+{
+    const vint open = v_iselect(v_splat_int(CUT_OPEN), v_splat_int(CUT_FITS), test.fits);
+    return v_iselect(open, v_splat_int(CUT_DARK), test.dark);
+}
+
+// What the light of runs of 16 and 64 is compared with.
+typedef struct {
+    float tolerance, faint, bright;
+} CutLimits;
+
+// Of runs of 16 from number `run` on: states, and 0, 1 (CUT_SHARED) or 2 (CUT_BRIGHT).
+static inline void cut_run(__global const float *restrict most,
+                           __global const float *restrict sixteens, const int width, const int run,
+                           const CutGroup *group, const CutLimits limits, vint *state, vint *shared)
+{
+    const CutTest whole = cut_test(most, width, run, group, limits.tolerance);
+    const CutTest part = cut_test(sixteens, width, run, group, limits.tolerance);
+    // A run of 64 is listed at the first of its four parts.
+    const vmask leads = v_ieq((v_iota() + run) & 3, v_splat_int(0));
+    const vint listed = v_iselect(v_splat_int(CUT_DARK), v_splat_int(CUT_MOST), leads);
+    *state = v_iselect(cut_state(part), listed, whole.fits & ~whole.dark);
+    const vmask weak = cut_faint(most, width, run, group, limits.faint);
+    const vmask strong = ~cut_faint(sixteens, width, run, group, limits.bright);
+    const vint rays = v_iselect(v_splat_int(0), v_splat_int(2), strong);
+    *shared = v_iselect(rays, v_splat_int(1), weak);
+}
+
+#if CUT_ITEMS > 1
+
+#define CUT_PITCH (CUT_GROUP + 1) // neighbours in different banks
+
+// What bounds the samples of a group, which are kept, a sample of each work-item.
+static inline CutGroup cut_group(ssgi_plane depth, ssgi_plane normal,
+                                 __global const int *restrict list, const int start,
+                                 const int2 size, const SsgiCamera camera, const VplParams params,
+                                 const bool keeps, __global float *restrict kept,
+                                 __local float *samples, __local float *most)
+{
+    const int item = (int)get_local_id(0);
+    const VplReceiver at =
+        cut_receiver(depth, normal, cut_pixels(list, start + item), size, camera, params);
+    const float height = v_fma(at.nx, at.x, v_fma(at.ny, at.y, at.nz * at.z));
+    const float values[7] = {at.x, at.y, at.z, at.nx, at.ny, at.nz, height};
+#pragma unroll
+    for (int j = 0; j < 7; ++j) {
+        samples[j * CUT_PITCH + item] = values[j];
+        if (keeps && j < CUT_SAMPLE) {
+            kept[j * CUT_GROUP + item] = values[j];
+        }
+    }
+    barrier(CLK_LOCAL_MEM_FENCE);
+    if (item < 14) {
+        const float sign = item & 1 ? 1.0f : -1.0f;
+        float largest = -INFINITY;
+#pragma unroll 4
+        for (int i = 0; i < CUT_GROUP; ++i) {
+            largest = v_max(largest, samples[item / 2 * CUT_PITCH + i] * sign);
+        }
+        most[item] = largest;
+    }
+    barrier(CLK_LOCAL_MEM_FENCE);
+    CutGroup group;
+    group.at[14] = 0.0f;
+#pragma unroll
+    for (int j = 0; j < 3; ++j) {
+        group.at[j] = -most[2 * j];
+        group.at[3 + j] = most[2 * j + 1];
+        group.at[6 + j] = -most[6 + 2 * j];
+        group.at[9 + j] = most[7 + 2 * j];
+        group.at[14] += max(fabs(group.at[j]), fabs(group.at[3 + j]));
+    }
+    group.at[12] = -most[12];
+    group.at[13] = most[13];
+    return group;
+}
+
+// Which lights of a run of 16, or runs of 4 at the first of their lights, are listed: bits; and, in
+// the bits above, at which of the four runs their lights are.
+static inline uint cut_open(__global const float *restrict bounds,
+                            __global const float *restrict fours, const int stride,
+                            const int fours_width, const int run, const CutGroup *group,
+                            const int lights, const float tolerance)
+{
+    uint bits = 0;
+#pragma unroll 1
+    for (int j = 0; j < 4; ++j) {
+        const int state = cut_state(cut_test(fours, fours_width, 4 * run + j, group, tolerance));
+        if (state == CUT_FITS) {
+            bits |= 1u << 4 * j;
+        }
+        if (state == CUT_OPEN) {
+            bits |= 1u << (16 + j);
+#pragma unroll 1
+            for (int i = 4 * j; i < 4 * j + 4; ++i) {
+                const int light = 16 * run + i;
+                if (light < lights && !cut_dark(bounds, stride, light, group)) {
+                    bits |= 1u << i;
+                }
+            }
+        }
+    }
+    return bits;
+}
+
+#else
 
 // What bounds the samples of a group, which are kept.
 static inline CutGroup cut_group(ssgi_plane depth, ssgi_plane normal,
@@ -75,18 +196,6 @@ static inline CutGroup cut_group(ssgi_plane depth, ssgi_plane normal,
     group.at[12] = -v_largest(most[12]);
     group.at[13] = v_largest(most[13]);
     return group;
-}
-
-// What becomes of a run.
-#define CUT_OPEN 0 // its parts are looked at
-#define CUT_DARK 1 // nothing
-#define CUT_FITS 2 // it stands for its lights
-#define CUT_MOST 3 // the run of 64 that it begins does
-
-static inline vint cut_state(const CutTest test)
-{
-    const vint open = v_iselect(v_splat_int(CUT_OPEN), v_splat_int(CUT_FITS), test.fits);
-    return v_iselect(open, v_splat_int(CUT_DARK), test.dark);
 }
 
 // States of up to 16 runs, or which lights share their rays. With one lane they are bits of a
@@ -161,24 +270,18 @@ static inline int cut_append(__global const float *restrict bounds, const int st
 // Of such runs from number `begin` on: states, and 0, 1 (CUT_SHARED) or 2 (CUT_BRIGHT).
 static inline void cut_states(__global const float *restrict most,
                               __global const float *restrict sixteens, const int width,
-                              const int begin, const CutGroup *group, const float tolerance,
-                              const float faint, const float bright, CutStates *states,
-                              CutStates *shared)
+                              const int begin, const CutGroup *group, const CutLimits limits,
+                              CutStates *states, CutStates *shared)
 {
     for (int i = 0; i < CUT_TOGETHER; i += SSGI_LANES) {
-        const int run = begin + i; // there are as many as lanes load
-        const CutTest whole = cut_test(most, width, run, group, tolerance);
-        const CutTest part = cut_test(sixteens, width, run, group, tolerance);
-        // A run of 64 is listed at the first of its four parts.
-        const vmask leads = v_ieq((v_iota() + run) & 3, v_splat_int(0));
-        const vint listed = v_iselect(v_splat_int(CUT_DARK), v_splat_int(CUT_MOST), leads);
-        cut_keep(states, v_iselect(cut_state(part), listed, whole.fits & ~whole.dark), i);
-        const vmask weak = cut_faint(most, width, run, group, faint);
-        const vmask strong = ~cut_faint(sixteens, width, run, group, bright);
-        const vint rays = v_iselect(v_splat_int(0), v_splat_int(2), strong);
-        cut_keep(shared, v_iselect(rays, v_splat_int(1), weak), i);
+        vint state, rays; // there are as many runs as lanes load
+        cut_run(most, sixteens, width, begin + i, group, limits, &state, &rays);
+        cut_keep(states, state, i);
+        cut_keep(shared, rays, i);
     }
 }
+
+#endif
 
 __kernel void cut_lists(ssgi_plane depth, ssgi_plane normal, __global const int *restrict list,
                         __global const float *restrict bounds,
@@ -199,16 +302,67 @@ __kernel void cut_lists(ssgi_plane depth, ssgi_plane normal, __global const int 
     counts += number * cut.groups;
     const int width = tree_width(stride);
     const int fours_width = 4 * width;
-    const float tolerance = limits[1] * cut.scale;
+    CutLimits most_light;
+    most_light.tolerance = limits[1] * cut.scale;
     // Where other light outshines what the lights give, their shadows are hard to see.
-    const float faint = tolerance * cut.faint * clamp(limits[2] * CUT_OUTSHONE, 1.0f, 2.0f);
+    most_light.faint =
+        most_light.tolerance * cut.faint * clamp(limits[2] * CUT_OUTSHONE, 1.0f, 2.0f);
     // Where no error is allowed, all lights share rays alike.
-    const float bright = tolerance > 0.0f ? tolerance * cut.bright : INFINITY;
+    most_light.bright = most_light.tolerance > 0.0f ? most_light.tolerance * cut.bright : INFINITY;
     bounds += segment * tree_first_bound(stride, 4);
     __global const float *restrict fours = bounds + tree_first_bound(stride, 1);
     __global const float *restrict sixteens = bounds + tree_first_bound(stride, 2);
     __global const float *restrict most = bounds + tree_first_bound(stride, 3);
     const int end = min(cut.groups, (list[0] + CUT_GROUP - 1) / CUT_GROUP - cut.first);
+#if CUT_ITEMS > 1
+    __local float samples[7 * CUT_PITCH], bounding[14];
+    __local int found[CUT_GROUP]; // how many records each work-item lists
+    const int own = (int)get_group_id(0), item = (int)get_local_id(0);
+    if (own >= end) {
+        return;
+    }
+    const CutGroup group =
+        cut_group(depth, normal, list, (cut.first + own) * CUT_GROUP, size, camera, params,
+                  number == 0, kept + own * (CUT_SAMPLE * CUT_GROUP), samples, bounding);
+    __global int *restrict to = lists + own * params.capacity;
+    int count = 0; // of the runs before
+    for (int first = 0; first < runs; first += CUT_ITEMS) {
+        const int run = first + item; // a work-item's own
+        int state = CUT_DARK, rays = 0;
+        uint bits = 0;
+        if (run < runs) {
+            cut_run(most, sixteens, width, run, &group, most_light, &state, &rays);
+            if (state == CUT_OPEN) {
+                bits = cut_open(bounds, fours, stride, fours_width, run, &group, lights,
+                                most_light.tolerance);
+            }
+        }
+        found[item] = state == CUT_OPEN ? (int)popcount(bits & 0xffff) : state != CUT_DARK;
+        barrier(CLK_LOCAL_MEM_FENCE);
+        int at = count;
+#pragma unroll 4 // all of them would take as many registers
+        for (int i = 0; i < CUT_ITEMS; ++i) {
+            at += i < item ? found[i] : 0;
+            count += found[i];
+        }
+        barrier(CLK_LOCAL_MEM_FENCE);
+        rays *= CUT_SHARED;
+        if (state == CUT_FITS) {
+            to[at] = rays | (tree_first(stride, 2) + run);
+        } else if (state == CUT_MOST) {
+            to[at] = rays | (tree_first(stride, 3) + run / 4);
+        }
+        const uint open = bits >> 16;
+        for (bits &= 0xffff; bits != 0; bits &= bits - 1) {
+            const int i = 31 - (int)clz(bits & -bits);
+            to[at] = rays | (open >> i / 4 & 1 ? 16 * run + i : stride + 4 * run + i / 4);
+            at += 1;
+        }
+    }
+    if (item == 0) {
+        counts[own] = count;
+    }
+#else
     for (int turn = 0, own = cut_own(0, end); own < end; own = cut_own(++turn, end)) {
         const CutGroup group =
             cut_group(depth, normal, list, (cut.first + own) * CUT_GROUP, size, camera, params,
@@ -221,8 +375,7 @@ __kernel void cut_lists(ssgi_plane depth, ssgi_plane normal, __global const int 
         for (int first = 0; first < runs; first += 4) {
             const int begin = first / CUT_TOGETHER * CUT_TOGETHER;
             if (first == begin) {
-                cut_states(most, sixteens, width, begin, &group, tolerance, faint, bright, &states,
-                           &shared);
+                cut_states(most, sixteens, width, begin, &group, most_light, &states, &shared);
             }
             const int ask = next + first / 4 * asked;
             cut_ask(depth, normal, list, ask, min(ask + asked, next + CUT_GROUP), size, params);
@@ -233,7 +386,8 @@ __kernel void cut_lists(ssgi_plane depth, ssgi_plane normal, __global const int 
             }
             CutStates parts; // of 4
             for (int i = 0; i < 16 && open; i += SSGI_LANES) {
-                const CutTest part = cut_test(fours, fours_width, 4 * first + i, &group, tolerance);
+                const CutTest part =
+                    cut_test(fours, fours_width, 4 * first + i, &group, most_light.tolerance);
                 cut_keep(&parts, cut_state(part), i);
             }
             for (int run = first; run < last; ++run) {
@@ -251,4 +405,5 @@ __kernel void cut_lists(ssgi_plane depth, ssgi_plane normal, __global const int 
         }
         counts[own] = count;
     }
+#endif
 }

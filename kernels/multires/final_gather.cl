@@ -15,11 +15,14 @@
 // Writes:  values   3 x [rows, columns], W/m^2: the light is added, at the samples alone; with
 //                   GATHER_KEPT 4 x, where the light is written, and the mean of 1 / distance of
 //                   what rays meet, in lengths of the receivers
-// Macros:  GATHER_RAYS, GATHER_KEPT (0, 1), RAYS_ONE (0, 1)
+// Macros:  GATHER_RAYS, GATHER_KEPT (0, 1), RAYS_ONE (0, 1), GATHER_ITEMS: work-items among which
+// the rays of a
+//          sample are dealt out, 1 or, with one lane, a power of two up to SSGI_GROUP
 // Params:  RaysParams; GatherParams: cells of the volume per unit of the hierarchy's space and
 // where
 //          its origin is in cells; length of rays; columns and rows that the tiles are moved by
-// Launch:  any number of work-items, each of which takes every so-many-th piece of SSGI_LANES
+// Launch:  any number of work-items, each of which takes every so-many-th piece of SSGI_LANES; with
+//          more GATHER_ITEMS as many as samples have, in work-groups of SSGI_GROUP
 // Cost:    a walk through the hierarchy and 13 reads for each ray
 
 #include "common/camera.clh"
@@ -33,6 +36,18 @@
 #if !defined(GATHER_RAYS) || !defined(GATHER_KEPT)
 #error "GATHER_RAYS and GATHER_KEPT must be defined by the host"
 #endif
+#ifndef GATHER_ITEMS
+#error "GATHER_ITEMS must be defined by the host"
+#endif
+#ifndef SSGI_GROUP
+#error "ssgi_cl/device/constants.py defines SSGI_GROUP"
+#endif
+#if GATHER_ITEMS > 1 && (SSGI_LANES != 1 || SSGI_GROUP % GATHER_ITEMS != 0)
+#error "GATHER_ITEMS is 1 or, with one lane, a part of a work-group"
+#endif
+
+#define GATHER_CHANNELS (3 + GATHER_KEPT)
+#define GATHER_SAMPLES (SSGI_GROUP / GATHER_ITEMS) // of a work-group
 
 __kernel void
 final_gather(ssgi_plane depth, ssgi_plane normal, __global const int *restrict list,
@@ -46,7 +61,20 @@ final_gather(ssgi_plane depth, ssgi_plane normal, __global const int *restrict l
     const int listed = list[0];
     const vfloat zero = v_splat(0.0f);
     const int pieces = (listed + SSGI_LANES - 1) / SSGI_LANES;
+#if GATHER_ITEMS > 1
+    __local float found[GATHER_CHANNELS * GATHER_RAYS * GATHER_SAMPLES]; // by each ray
+    const int sample = (int)get_local_id(0) / GATHER_ITEMS;
+    const int item = (int)get_local_id(0) % GATHER_ITEMS;
+    const int first = (int)get_group_id(0) * GATHER_SAMPLES; // the same in a work-group
+    if (first >= pieces) {
+        return;
+    }
+    const int own = first + sample;
+    {
+#else
+    const int item = 0;
     for (int turn = 0, own = cut_own(0, pieces); own < pieces; own = cut_own(++turn, pieces)) {
+#endif
         const vint pixel = cut_pixels(list, own * SSGI_LANES);
         const vint column = pixel & 0xffff, row = pixel >> 16;
         const VplReceiver at = cut_receiver(depth, normal, pixel, size, camera, params);
@@ -59,12 +87,20 @@ final_gather(ssgi_plane depth, ssgi_plane normal, __global const int *restrict l
         const Hemisphere frame = hemisphere_of(ax * per, ay * per, az * per);
         const vint tile = ((row + gather.rows_on) & (GATHER_TILE - 1)) * GATHER_TILE +
                           ((column + gather.columns_on) & (GATHER_TILE - 1));
+        // Loops over it are unrolled: in kernels with barriers PoCL 3.1 mixes up the arrays of
+        // work-items that variables index.
         vfloat sum[3] = {zero, zero, zero};
 #if GATHER_KEPT
         const vfloat per_way = v_splat(1.0f / (gather.reach * params.per_unit));
         vfloat near = zero;
 #endif
-        for (int ray = 0; ray < GATHER_RAYS; ++ray) {
+        for (int ray = item; ray < GATHER_RAYS; ray += GATHER_ITEMS) {
+#if GATHER_ITEMS > 1
+#pragma unroll
+            for (int c = 0; c < GATHER_CHANNELS; ++c) {
+                found[(c * GATHER_RAYS + ray) * GATHER_SAMPLES + sample] = 0.0f;
+            }
+#endif
             vfloat way[3];
             hemisphere_way(frame, ways, ray, tile, way);
             const vfloat wx = way[0], wy = way[1], wz = way[2];
@@ -85,17 +121,45 @@ final_gather(ssgi_plane depth, ssgi_plane normal, __global const int *restrict l
                 v_fma(v_fma(line.wy, hit.where, line.y), scale, v_splat(gather.cell_y)),
                 v_fma(v_fma(line.wz, hit.where, line.z), scale, v_splat(gather.cell_z)), away[0],
                 away[1], away[2]);
+#pragma unroll
             for (int c = 0; c < 3; ++c) {
-                sum[c] = sum[c] + v_select(zero, volume_radiance(volume, place, c), met);
+                const vfloat radiance = v_select(zero, volume_radiance(volume, place, c), met);
+#if GATHER_ITEMS > 1
+                found[(c * GATHER_RAYS + ray) * GATHER_SAMPLES + sample] = radiance;
+#else
+                sum[c] = sum[c] + radiance;
+#endif
             }
 #if GATHER_KEPT
-            near = near + v_select(zero, per_way / v_max(hit.where, v_splat(1e-6f)), met);
+            const vfloat nearness = v_select(zero, per_way / v_max(hit.where, v_splat(1e-6f)), met);
+#if GATHER_ITEMS > 1
+            found[(3 * GATHER_RAYS + ray) * GATHER_SAMPLES + sample] = nearness;
+#else
+            near = near + nearness;
+#endif
 #endif
         }
+#if GATHER_ITEMS > 1
+        // The sums of channels, in the order of the rays, so that they have the same bits.
+        barrier(CLK_LOCAL_MEM_FENCE);
+        if (item > 0 || own >= pieces) {
+            return;
+        }
+        for (int ray = 0; ray < GATHER_RAYS; ++ray) {
+#pragma unroll
+            for (int c = 0; c < 3; ++c) {
+                sum[c] += found[(c * GATHER_RAYS + ray) * GATHER_SAMPLES + sample];
+            }
+#if GATHER_KEPT
+            near += found[(3 * GATHER_RAYS + ray) * GATHER_SAMPLES + sample];
+#endif
+        }
+#endif
         const vint to = row * ssgi_pitch(size) + column;
 #if !GATHER_KEPT
         const vfloat share = ssgi_gather(fractions, size, 0, column, row);
 #endif
+#pragma unroll
         for (int c = 0; c < 3; ++c) {
             __global float *restrict image = values + ssgi_index(size, c, 0, 0);
             const vfloat value =

@@ -26,7 +26,8 @@
 //          second difference is known; beyond: of half the slope beyond those that fit, where
 //          others don't. Measured in the hall and the Cornell box: each kind of point then errs as
 //          much at an equal estimate
-// Launch:  MULTIRES_WIDE points of a coarse row, and thus two rows of points, per work-item
+// Launch:  SSGI_LANES points of a coarse row, and thus two rows of points, per work-item; with one
+//          lane a point per work-item, in work-groups of MULTIRES_TILE columns
 // Cost:    7 reads and 3 writes per point of 3 channels
 
 #define UPSAMPLE_STEP 2
@@ -40,10 +41,8 @@
 
 #define MULTIRES_NO_BOUND 1e35f // more than any error, so that none is over it
 
-#if SSGI_LANES == 1
-#define MULTIRES_WIDE 8 // coarse columns of a work-item: two tiles, or one
-#else
-#define MULTIRES_WIDE SSGI_LANES
+#ifndef SSGI_GROUP
+#error "ssgi_cl/device/constants.py defines SSGI_GROUP"
 #endif
 
 // Values at the points `odd` columns and `odd_row` rows from the first of four corners, of which
@@ -143,98 +142,142 @@ __kernel void multires_interpolate(ssgi_plane coarse_linear, ssgi_plane coarse_n
                                    const int2 size, const int2 coarse, const SsgiCamera camera,
                                    const MultiresParams params)
 {
-    const int first = (int)get_global_id(0) * MULTIRES_WIDE;
-    const int coarse_y = (int)get_global_id(1);
-    if (first >= coarse.x || coarse_y >= coarse.y) {
-        return;
-    }
     // With a bound of 0 an error of 0 is above it too.
     const float most = min(bound[0], MULTIRES_NO_BOUND) * params.scale;
     const float begins = most > 0.0f ? most * params.begins : -1.0f;
     const float rate = 1.0f / max(most * (params.ends - params.begins), FLT_MIN);
     const int2 whole = (int2)(size.x + 2 * params.margin_columns, size.y + 2 * params.margin_rows);
-    masks += multires_mask(size, 2 * first, 2 * coarse_y);
-#if SSGI_LANES < 16
-    int marks[2] = {0, 0}; // of the one tile
-#endif
-    for (int coarse_x = first; coarse_x < min(first + MULTIRES_WIDE, coarse.x);
-         coarse_x += SSGI_LANES) {
+#if SSGI_LANES == 1
+    __local int marks[SSGI_GROUP]; // of the work-items
+    const int x = (int)get_global_id(0), y = (int)get_global_id(1);
+    const int item = (int)(get_local_id(1) * get_local_size(0) + get_local_id(0));
+    float share = 0.0f;
+    if (x < size.x && y < size.y) {
+        const int odd = x & 1, odd_row = y & 1;
         MultiresPoint corner[4];
+        float range = 0.0f; // of those that count
+        float result[MULTIRES_CHANNELS];
+        multires_values(coarse_values, coarse, x >> 1, y >> 1, &corner[0]);
 #pragma unroll
-        for (int i = 0; i < 4; ++i) {
-            const int x = coarse_x + (i & 1);
-            const int y = coarse_y + (i >> 1);
-            multires_surface(coarse_linear, coarse_normal, coarse, x, y, &corner[i]);
-            multires_values(coarse_values, coarse, x, y, &corner[i]);
+        for (int i = 0; i < MULTIRES_CHANNELS; ++i) {
+            result[i] = corner[0].value[i];
         }
-        const vfloat right = multires_apart(&corner[1], &corner[0]);
-        const vfloat below = multires_apart(&corner[2], &corner[0]);
-        const vfloat all = v_max(v_max(right, below), multires_apart(&corner[3], &corner[0]));
-        const int left = 2 * coarse_x + params.margin_columns;
+        if (odd + odd_row > 0) {
+            multires_surface(coarse_linear, coarse_normal, coarse, x >> 1, y >> 1, &corner[0]);
 #pragma unroll
-        for (int odd_row = 0; odd_row < 2; ++odd_row) {
-            const int y = 2 * coarse_y + odd_row;
-            if (y >= size.y) {
-                break;
+            for (int i = 1; i < 4; ++i) {
+                if ((i & 1) > odd || i >> 1 > odd_row) {
+                    continue;
+                }
+                const int at_x = (x >> 1) + (i & 1), at_y = (y >> 1) + (i >> 1);
+                multires_surface(coarse_linear, coarse_normal, coarse, at_x, at_y, &corner[i]);
+                multires_values(coarse_values, coarse, at_x, at_y, &corner[i]);
+                range = v_max(range, multires_apart(&corner[i], &corner[0]));
             }
-            const int top = y + params.margin_rows;
-            vfloat own[2][4];
-            vfloat result[2][MULTIRES_CHANNELS];
-            vfloat share[2];
+            const int left = x + params.margin_columns, top = y + params.margin_rows;
+            float own[4];
 #pragma unroll
             for (int i = 0; i < 4; ++i) {
-                vfloat phases[2];
-                if (i == 0) {
-                    ssgi_load_phases(linear, whole, 0, left, top, phases);
-                } else {
-                    ssgi_load_phases(normal, whole, i - 1, left, top, phases);
-                }
-                own[0][i] = phases[0];
-                own[1][i] = phases[1];
+                own[i] = i == 0 ? ssgi_load(linear, whole, 0, left, top)
+                                : ssgi_load(normal, whole, i - 1, left, top);
             }
-            if (odd_row) {
-                share[0] = multires_phase(corner, below, coarse_gradient, coarse, coarse_x,
-                                          coarse_y, 0, odd_row, own[0], left, top, begins, rate,
-                                          camera, params, result[0]);
-            } else {
-                share[0] = v_splat(0.0f);
+            share = multires_phase(corner, range, coarse_gradient, coarse, x >> 1, y >> 1, odd,
+                                   odd_row, own, left, top, begins, rate, camera, params, result);
+        }
 #pragma unroll
-                for (int i = 0; i < MULTIRES_CHANNELS; ++i) {
-                    result[0][i] = corner[0].value[i];
-                }
-            }
-            share[1] = multires_phase(corner, odd_row ? all : right, coarse_gradient, coarse,
-                                      coarse_x, coarse_y, 1, odd_row, own[1], left + 1, top, begins,
-                                      rate, camera, params, result[1]);
-#pragma unroll
-            for (int i = 0; i < MULTIRES_CHANNELS; ++i) {
-                const vfloat phases[2] = {result[0][i], result[1][i]};
-                ssgi_store_phases(phases, values, size, i, 2 * coarse_x, y, 0.0f);
-            }
-            int mark[2] = {0, 0};
-            if (v_any(v_gt(v_max(share[0], share[1]), v_splat(0.0f)))) {
-                ssgi_store_phases(share, fractions, size, 0, 2 * coarse_x, y, 0.0f);
-                vfloat row[2];
-                ssgi_weave_phases(share, row);
-#pragma unroll
-                for (int p = 0; p < 2; ++p) {
-                    mark[p] = multires_marks(row[p], 2 * coarse_x + p * SSGI_LANES, size.x);
-                }
-            }
-#if SSGI_LANES == 16
-            masks[odd_row] = mark[0];
-            if (2 * coarse_x + SSGI_LANES < size.x) {
-                masks[MULTIRES_TILE + odd_row] = mark[1];
-            }
-#else
-            marks[odd_row] |= (mark[0] | mark[1] << SSGI_LANES) << 2 * (coarse_x - first);
-#endif
+        for (int i = 0; i < MULTIRES_CHANNELS; ++i) {
+            ssgi_store(result[i], values, size, i, x, y, 0.0f);
+        }
+        if (share > 0.0f) {
+            ssgi_store(share, fractions, size, 0, x, y, 0.0f);
         }
     }
-#if SSGI_LANES < 16
-    masks[0] = marks[0];
-    if (2 * coarse_y + 1 < size.y) {
-        masks[1] = marks[1];
+    marks[item] = share > 0.0f ? 1 << x % MULTIRES_TILE : 0;
+    barrier(CLK_LOCAL_MEM_FENCE);
+    if (x % MULTIRES_TILE == 0 && x < size.x && y < size.y) {
+        int mask = 0;
+        for (int i = 0; i < MULTIRES_TILE; ++i) {
+            mask |= marks[item + i];
+        }
+        masks[multires_mask(size, x, y)] = mask;
+    }
+#else
+    const int coarse_x = (int)get_global_id(0) * SSGI_LANES;
+    const int coarse_y = (int)get_global_id(1);
+    if (coarse_x >= coarse.x || coarse_y >= coarse.y) {
+        return;
+    }
+    masks += multires_mask(size, 2 * coarse_x, 2 * coarse_y);
+    MultiresPoint corner[4];
+#pragma unroll
+    for (int i = 0; i < 4; ++i) {
+        const int x = coarse_x + (i & 1);
+        const int y = coarse_y + (i >> 1);
+        multires_surface(coarse_linear, coarse_normal, coarse, x, y, &corner[i]);
+        multires_values(coarse_values, coarse, x, y, &corner[i]);
+    }
+    const vfloat right = multires_apart(&corner[1], &corner[0]);
+    const vfloat below = multires_apart(&corner[2], &corner[0]);
+    const vfloat all = v_max(v_max(right, below), multires_apart(&corner[3], &corner[0]));
+    const int left = 2 * coarse_x + params.margin_columns;
+#pragma unroll
+    for (int odd_row = 0; odd_row < 2; ++odd_row) {
+        const int y = 2 * coarse_y + odd_row;
+        if (y >= size.y) {
+            break;
+        }
+        const int top = y + params.margin_rows;
+        vfloat own[2][4];
+        vfloat result[2][MULTIRES_CHANNELS];
+        vfloat share[2];
+#pragma unroll
+        for (int i = 0; i < 4; ++i) {
+            vfloat phases[2];
+            if (i == 0) {
+                ssgi_load_phases(linear, whole, 0, left, top, phases);
+            } else {
+                ssgi_load_phases(normal, whole, i - 1, left, top, phases);
+            }
+            own[0][i] = phases[0];
+            own[1][i] = phases[1];
+        }
+        if (odd_row) {
+            share[0] =
+                multires_phase(corner, below, coarse_gradient, coarse, coarse_x, coarse_y, 0,
+                               odd_row, own[0], left, top, begins, rate, camera, params, result[0]);
+        } else {
+            share[0] = v_splat(0.0f);
+#pragma unroll
+            for (int i = 0; i < MULTIRES_CHANNELS; ++i) {
+                result[0][i] = corner[0].value[i];
+            }
+        }
+        share[1] = multires_phase(corner, odd_row ? all : right, coarse_gradient, coarse, coarse_x,
+                                  coarse_y, 1, odd_row, own[1], left + 1, top, begins, rate, camera,
+                                  params, result[1]);
+#pragma unroll
+        for (int i = 0; i < MULTIRES_CHANNELS; ++i) {
+            const vfloat phases[2] = {result[0][i], result[1][i]};
+            ssgi_store_phases(phases, values, size, i, 2 * coarse_x, y, 0.0f);
+        }
+        int mark[2] = {0, 0}; // of the row's one tile, or two
+        if (v_any(v_gt(v_max(share[0], share[1]), v_splat(0.0f)))) {
+            ssgi_store_phases(share, fractions, size, 0, 2 * coarse_x, y, 0.0f);
+            vfloat row[2];
+            ssgi_weave_phases(share, row);
+#pragma unroll
+            for (int p = 0; p < 2; ++p) {
+                mark[p] = multires_marks(row[p], 2 * coarse_x + p * SSGI_LANES, size.x);
+            }
+        }
+#if SSGI_LANES == 16
+        masks[odd_row] = mark[0];
+        if (2 * coarse_x + SSGI_LANES < size.x) {
+            masks[MULTIRES_TILE + odd_row] = mark[1];
+        }
+#else
+        masks[odd_row] = mark[0] | mark[1] << SSGI_LANES;
+#endif
     }
 #endif
 }

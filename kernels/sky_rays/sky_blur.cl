@@ -128,7 +128,10 @@ __kernel void sky_blur(ssgi_plane value, ssgi_plane linear, ssgi_plane normal,
     for (int j = 0; j <= SKY_CHANNELS; ++j) {
         ssgi_store(sum[j], blurred, few, j, x, y / SKY_ROWS, 0.0f);
     }
-    ssgi_store(radius, blurred, few, SKY_CHANNELS + 1, x, y / SKY_ROWS, 0.0f);
+    // The columns' mean is of radii of surfaces: a lane without one has none, whatever its
+    // neighbours.
+    ssgi_store(v_select(zero, radius, there), blurred, few, SKY_CHANNELS + 1, x, y / SKY_ROWS,
+               0.0f);
 #else
     const float colour[3] = {red, green, blue};
     for (int j = 0; j < 3; ++j) {

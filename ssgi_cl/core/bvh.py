@@ -42,8 +42,9 @@ class Bvh:
     """Nodes and triangles, in the order in which rays come to them.
 
     Attributes:
-        nodes: [nodes, 8] float32: least corner; number of the node that follows when it is missed (int32 bits);
-            greatest corner; of a leaf, first triangle * 8 + count, otherwise 0 (int32 bits).
+        nodes: [nodes, 8] float32: least corner, less a margin; number of the node that follows when it is missed
+            (int32 bits); greatest corner and the margin; of a leaf, first triangle * 8 + count, otherwise 0
+            (int32 bits).
         triangles: [triangles, 12] float32: a corner, the edges from it to the others, 1 where the back is not
             there, the number of the triangle (int32 bits), `holes` (int32 bits).
     """

@@ -98,8 +98,6 @@ CUT_SAMPLE = 6
 """Floats of a sample: position and normal."""
 CUT_SHARED = 1 << 16
 """Is added to the number of a listed record whose run of 64 lights has one shadow ray."""
-CUT_OWN, CUT_ALL, CUT_ALONE = 0, 1, 2
-"""Stages of the limits of errors: see kernels/multires/cut_limits.cl."""
 CUT_BRIGHT = 1 << 17
 """Likewise, of which every run of 4 lights has one."""
 

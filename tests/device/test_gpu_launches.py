@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -36,12 +37,40 @@ def drawn(runtime: Runtime) -> list[np.ndarray]:
         gi.gtao(gbuffer, radius=0.1, runtime=runtime),
         gi.multires_splat(gbuffer, lit, 300, runtime=runtime),
         gi.multires_splat(gbuffer, large, 3 * BATCH, runtime=runtime),  # a pass for all three batches, or each
+        np.asarray(gi.render(made.scene, made.camera(72, 54), made.lights, preset="low", runtime=runtime).image),
     ]
 
 
 def test_a_gpu_gives_the_bits_of_a_processor(runtime: Runtime, as_gpu: Runtime) -> None:
     for found, wanted in zip(drawn(as_gpu), drawn(runtime), strict=True):
         np.testing.assert_array_equal(found, wanted)
+
+
+FILLS = 4096
+"""Work-items that a launch has to have, else a GPU waits for one after the other."""
+
+
+@pytest.mark.slow
+def test_few_launches_of_a_frame_do_not_fill_a_gpu(as_gpu: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All light in 400 x 300 pixels, once surfels and maps are kept: 24 of 64 launches."""
+    launches: list[tuple[str, int]] = []
+
+    def record(name: str, _: Any, items: int = 0) -> None:
+        if items > 0:  # else it is a copy
+            launches.append((name, items))
+
+    monkeypatch.setattr(as_gpu, "record", record)
+    made = cornell_box()
+    for step in range(3):
+        launches.clear()
+        eye = np.eye(4)
+        eye[0, 3] = 0.01 * step
+        camera = made.camera(400, 300)
+        gi.render(made.scene, replace(camera, view=eye @ camera.view), made.lights, runtime=as_gpu)
+    few = [launch for launch in launches if launch[1] < FILLS]
+    assert len(launches) > 50
+    assert len(few) < 25, few
+    assert min(items for _, items in launches) >= 64
 
 
 def test_a_gpu_clips_the_triangles_of_a_group_in_turns(runtime: Runtime, as_gpu: Runtime) -> None:

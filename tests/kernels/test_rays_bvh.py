@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import trimesh
 from numpy.typing import NDArray
 
 from ssgi_cl.core.bvh import bvh_of
@@ -122,6 +123,27 @@ def test_no_light_comes_between_triangles_that_share_an_edge(
     origin = np.array([0.1, 0.2, 3.0], np.float32) + 0 * through
     found = blocked(variant_runtime, corners, np.zeros(len(corners), bool), origin, 2.0 * (through - origin))
     assert found.all()
+
+
+def test_rays_into_the_edges_of_a_room_leave_none_and_depend_on_no_neighbour(
+    variant_runtime: Runtime, rng: np.random.Generator
+) -> None:
+    # Walls at right angles, whose boxes are flat: rounding alone says whether a ray meets that of either.
+    corners = trimesh.creation.box(extents=(0.9, 1.1, 1.3)).triangles.astype(np.float32) + np.float32(0.3)
+    corners = np.concatenate([corners, corners * 0.2 + 0.2])  # and a box in it
+    wall, side = rng.integers(12, size=4000), rng.integers(3, size=4000)
+    part = rng.random((4000, 1))
+    to = corners[wall, side] * (1.0 - part) + corners[wall, (side + 1) % 3] * part
+    origin = (0.3 + rng.uniform(-0.4, 0.4, (4000, 3))).astype(np.float32)
+    way = 2.0 * (to - origin)
+    found = blocked(variant_runtime, corners, np.zeros(24, bool), origin, way)
+    assert found.all()
+    # A wall less: rays leave, beside others that do not.
+    order = rng.permutation(4000)
+    fewer, backs = corners[2:], np.zeros(22, bool)
+    found, other = (blocked(variant_runtime, fewer, backs, origin[at], way[at]) for at in (np.arange(4000), order))
+    assert not found.all()
+    np.testing.assert_array_equal(found[order], other)
 
 
 def test_nothing_blocks_an_empty_scene_and_unwanted_rays_are_not_cast(runtime: Runtime) -> None:

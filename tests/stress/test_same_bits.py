@@ -31,6 +31,7 @@ QUICK = {
     "radiosity": 1,
     "reflections": 1,
     "sampled lights": 1,
+    "sky rays": 2,
 }
 """Technique -> how many of its results; of all other kernels nearly all functions are among theirs."""
 

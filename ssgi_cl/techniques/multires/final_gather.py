@@ -11,6 +11,7 @@ from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.hemisphere import TILE, hemisphere_ways
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.arrays import Plane
+from ssgi_cl.device.constants import SSGI_GROUP
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats, ints
 from ssgi_cl.techniques.multires.multires_grid import Level
@@ -34,6 +35,8 @@ BLURRED = 0.0625
 """The last of `SHARES` in scenes of many triangles, where frames blur what rays find: hall has FLIP .125, not .124."""
 LEAST = 4
 """Rays of a point."""
+DEALT, MOST_DEALT, MOST_RAYS = 16, 1 << 14, 256
+"""Work-items of a GPU that share a point's rays, where there are no more points and rays: these would not fill it."""
 FOUND = 4
 """Images of what rays find at points that are smoothed: irradiance, and the mean of 1 / distance."""
 
@@ -106,12 +109,19 @@ class FinalGather:
         values = self._found if kept else level.values
         finest = len(SHARES) if self._blurred else len(SHARES) - 1
         count, ways = self._ways[finest if level.number >= len(SHARES) - 1 else level.number]
+        few = self.runtime.info.kind == "gpu" and level.most <= MOST_DEALT and count <= MOST_RAYS
         self._run(
             level,
             "multires/final_gather.cl",
-            {"GATHER_RAYS": count, "GATHER_KEPT": int(kept), **rays.bvh.first_macros},
+            {
+                "GATHER_RAYS": count,
+                "GATHER_KEPT": int(kept),
+                "GATHER_ITEMS": DEALT if few else 1,
+                **rays.bvh.first_macros,
+            },
             (SCENE_RAYS, GATHER),
             per_unit,
+            DEALT if few else 1,
             ways=ways,
             **{**rays.arguments, **rays.bvh.first},
             cells=self._cells,
@@ -120,19 +130,26 @@ class FinalGather:
             gather=self._params,
         )
         if kept:
-            self._run(level, "multires/gather_smooth.cl", {}, (), per_unit, found=self._found, values=level.values)
+            self._run(level, "multires/gather_smooth.cl", {}, (), per_unit, 1, found=self._found, values=level.values)
 
     def _run(
-        self, level: Level, name: str, macros: dict[str, int], structs: tuple[Struct, ...], per_unit: float, **more: Any
+        self,
+        level: Level,
+        name: str,
+        macros: dict[str, int],
+        structs: tuple[Struct, ...],
+        per_unit: float,
+        shared: int,
+        **more: Any,
     ) -> None:
-        """Queue a kernel that takes the points on a level's list."""
+        """Queue a kernel that takes the points on a level's list, so many work-items each."""
         runtime, source = self.runtime, level.source
         is_gpu = runtime.info.kind == "gpu"
         items = 1 << 30 if is_gpu else CPU_ITEMS * runtime.device.max_compute_units
         runtime.kernel(name, macros, (CAMERA, VPL, *structs)).run(
             source.size,
-            grid=(1, min(-(-level.most // runtime.variant.lanes), items)),
-            local=runtime.small_groups(1),
+            grid=(1, min(-(-level.most // runtime.variant.lanes) * shared, items)),
+            local=runtime.small_groups(1) if shared == 1 else (1, SSGI_GROUP),
             depth=source.depth,
             normal=source.normal,
             list=level.list,

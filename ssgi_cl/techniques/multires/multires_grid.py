@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.params import Params, Prepared, param
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size
-from ssgi_cl.device.constants import MULTIRES_TILE
+from ssgi_cl.device.constants import MULTIRES_TILE, SSGI_GROUP
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.runtime import Runtime
@@ -29,8 +29,12 @@ MULTIRES = Struct(
 TILE = MULTIRES_TILE
 CHUNK = 16
 """Tiles that a work-item lists, with more than one lane."""
-MOST_LISTING = 1024
-"""Work-items with one lane, each of which adds up what is listed before its own."""
+MOST_LISTING = 256
+"""Work-groups with one lane, each of which adds up what is listed before its own."""
+COUNTED = 4096
+"""Tiles from which on they are counted by a pass of its own with one lane too: it then fills a GPU."""
+POINTS = (SSGI_GROUP // TILE, TILE)
+"""Work-groups with one lane, a point each: rows of tiles."""
 SPARE = 64
 """Places after the longest list, so that what is read of it with its end is there."""
 STEPS = (1, 2, 4, 8, 16, 32)
@@ -118,10 +122,9 @@ class Points:
         self.normal = runtime.plane(3, size)
         self.gradient = runtime.plane(2, size)
         self.camera_struct: Any = None
-        self._reduce = runtime.kernel("multires/multires_reduce.cl", structs=(CAMERA,))
 
     def update(self, fine: Source) -> None:
-        """Queue the pass that picks the pixels."""
+        """Take the camera of a finer source, whose pixels `reduce` picks."""
         struct = fine.camera_struct.copy()
         band = getattr(fine, "band", None)
         rows = fine.margin[0] if band is None else band.margin[0]
@@ -134,16 +137,26 @@ class Points:
             struct[f"from_{axis}"] = 0.5 / to
             struct[f"centre_{axis}"] = -float(struct[f"at_{axis}"]) * 0.5 / to
         self.camera_struct = struct
-        self._reduce.run(
+
+    def reduce(self, fine: Source, coarser: Points | None = None) -> None:
+        """Queue the pass that picks the pixels, and those of a coarser level too, which so needs no other launch."""
+        kernel = self.runtime.kernel(
+            "multires/multires_reduce.cl", {"MULTIRES_LEVELS": 1 if coarser is None else 2}, (CAMERA,)
+        )
+        kernel.run(
             self.size,
             fine_depth=fine.depth,
             fine_normal=fine.normal,
             depth=self.depth,
             linear=self.linear,
             normal=self.normal,
+            next_depth=coarser and coarser.depth,
+            next_linear=coarser and coarser.linear,
+            next_normal=coarser and coarser.normal,
+            next=coarser and coarser.size,
             fine_size=fine.whole,
             margin=fine.margin,
-            camera=struct,
+            camera=self.camera_struct,
         )
 
 
@@ -181,33 +194,44 @@ class Level:
         self._masks = runtime.array(np.zeros(len(order) * TILE, np.int32))
         self._counts = runtime.array(np.zeros(-(-len(order) // TILE) * TILE, np.int32))
         self._count = runtime.kernel("multires/multires_count.cl")
-        self._fill = runtime.kernel("multires/multires_list.cl")
-        # Of 4 x 4 points: as many as a work-item lists.
         lanes = runtime.variant.lanes
-        self._blocks = 16 * CHUNK if lanes > 1 else max(16 * self._tile_count // MOST_LISTING, 1)
-        self._groups = runtime.small_groups(1)
+        self._counts_first = lanes > 1 or self._tile_count >= COUNTED
+        self._fill = runtime.kernel("multires/multires_list.cl", {"MULTIRES_COUNTED": int(self._counts_first)})
+        # Of a work-item; with one lane of a work-group, which takes four at a time.
+        four = SSGI_GROUP // 16
+        self._own_tiles = CHUNK if lanes > 1 else four * -(-self._tile_count // (four * MOST_LISTING))
+        self._items = 1 if lanes > 1 else SSGI_GROUP
 
-    def mark(self, kernel: Kernel, grid: Size, **arguments: Any) -> None:
+    def mark(self, kernel: Kernel, grid: Size, local: Size | None = None, **arguments: Any) -> None:
         """Queue a pass that writes values, shares and marks, and those that make the list."""
-        kernel.run(self.size, grid=grid, values=self.values, fractions=self.fractions, masks=self._masks, **arguments)
-        self._count.run(
+        kernel.run(
             self.size,
-            grid=(1, self._tile_count),
+            grid=grid,
+            local=local,
+            values=self.values,
+            fractions=self.fractions,
             masks=self._masks,
-            tiles=self._tiles,
-            counts=self._counts,
-            tile_count=self._tile_count,
+            **arguments,
         )
+        if self._counts_first:
+            self._count.run(
+                self.size,
+                grid=(1, self._tile_count),
+                masks=self._masks,
+                tiles=self._tiles,
+                counts=self._counts,
+                tile_count=self._tile_count,
+            )
         self._fill.run(
             self.size,
-            grid=(1, -(-16 * self._tile_count // self._blocks)),
-            local=self._groups,
+            grid=(1, -(-self._tile_count // self._own_tiles) * self._items),
+            local=(1, self._items),
             masks=self._masks,
-            counts=self._counts,
+            counts=self._counts if self._counts_first else None,
             tiles=self._tiles,
             list=self.list,
             tile_count=self._tile_count,
-            blocks=self._blocks,
+            own_tiles=self._own_tiles,
         )
 
     def listed(self) -> NDArray[np.int32]:
@@ -265,11 +289,13 @@ class MultiresGrid(Prepared[MultiresGridParams]):
             ValueError: a G-buffer of another size, or an empty one.
         """
         camera_of(gbuffer, self.size)
-        finer: Source = gbuffer
-        for points in reversed(self._points):
-            points.update(finer)
-            finer = points
         sources: list[Source] = [*self._points, gbuffer]
+        for points, finer in zip(reversed(self._points), reversed(sources), strict=False):
+            points.update(finer)
+        at_once = 2 if self.runtime.variant.lanes == 1 else 1
+        for last in range(len(self._points), 0, -at_once):
+            *coarse, points = self._points[max(last - at_once, 0) : last]
+            points.reduce(sources[last], *coarse)
         coarser: Level | None = None
         for level, source in zip(self._levels, sources, strict=True):
             level.source = source
@@ -325,9 +351,11 @@ class MultiresGrid(Prepared[MultiresGridParams]):
         )
         values["margin_rows"], values["margin_columns"] = source.margin
         kernel = self.runtime.kernel("multires/multires_interpolate.cl", self._macros, (CAMERA, MULTIRES))
+        lanes = self.runtime.variant.lanes
         level.mark(
             kernel,
-            (coarser.size[0], -(-coarser.size[1] // max(self.runtime.variant.lanes, TILE // 2))),
+            level.size if lanes == 1 else (coarser.size[0], -(-coarser.size[1] // lanes)),
+            POINTS if lanes == 1 else None,
             coarse_linear=known.linear,
             coarse_normal=known.normal,
             coarse_values=coarser.values,

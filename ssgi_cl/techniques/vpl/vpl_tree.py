@@ -11,11 +11,8 @@ from numpy.typing import NDArray
 from ssgi_cl.core.vpls import PARTS
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size
 from ssgi_cl.device.constants import (
-    CUT_ALL,
-    CUT_ALONE,
     CUT_BRIGHT,
     CUT_GROUP,
-    CUT_OWN,
     CUT_SAMPLE,
     CUT_SHARED,
     SSGI_GROUP,
@@ -39,7 +36,7 @@ LISTED = 1 << 23
 """Places of the lists of one pass, and floats of its samples, which bounds their memory."""
 ROWS = 4
 """Times so many samples as a work-item has lanes: each light is read once for all of them.
-With visibility half of them, as shadow rays need registers."""
+With visibility half of them, as shadow rays need registers; on GPUs one, whose work-groups read lights together."""
 SHARES = (4, 16, 64)
 """Lights that may share a shadow ray: those of a run."""
 BRIGHT = 0.35
@@ -102,7 +99,7 @@ class VplTree:
         self._records = runtime.empty(segments * (stride + self._runs) * RECORD, np.float32)
         # What lies past the last light is read with it, and left out.
         self._bounds = runtime.array(np.zeros(segments * bounds, np.float32))
-        self._found = runtime.empty(SAMPLES, np.float32)
+        self._found = runtime.empty(2 * SAMPLES, np.float32)
         self.limits = runtime.empty(3, np.float32)
         # A GPU takes all batches at once: it would wait for each that does not fill it.
         self._at_once = lights.segments if runtime.info.kind == "gpu" else 1
@@ -110,15 +107,16 @@ class VplTree:
         self._lists = self._counts = runtime.empty(0, np.int32)
         self._kept = runtime.empty(0, np.float32)
         self._groups = 0  # that there is room for
-        macros = {"VPL_NEAR": near, "VPL_CUT": cut}
+        macros = self._light_macros = {"VPL_NEAR": near, "VPL_CUT": cut}
         self._order = runtime.kernel("multires/cluster_order.cl", {}, (CAMERA, VPL))
         self._make_runs = runtime.kernel("multires/cluster_means.cl", {}, (CAMERA, VPL))
-        self._mean = runtime.kernel("multires/cut_mean.cl", macros, (CAMERA, VPL))
-        self._other = runtime.kernel("multires/cut_other.cl", {}, (CAMERA, VPL))
         self._limits = runtime.kernel("multires/cut_limits.cl")
-        self._cut = runtime.kernel("multires/cut_lists.cl", {}, (CAMERA, VPL, CUT))
-        self._rows = ROWS // 2 if grid else ROWS
-        macros |= {
+        # A GPU has a work-item for each sample: few groups would not fill it.
+        is_gpu = runtime.info.kind == "gpu"
+        self._items = GROUP if is_gpu else 1
+        self._cut = runtime.kernel("multires/cut_lists.cl", {"CUT_ITEMS": self._items}, (CAMERA, VPL, CUT))
+        self._rows = 1 if is_gpu else ROWS // 2 if grid else ROWS
+        macros = macros | {
             "SHADE_ROWS": self._rows,
             "VPL_VISIBILITY": int(grid is not None),
             "SHADE_LINE": SHARES.index(share) + 1,
@@ -173,9 +171,14 @@ class VplTree:
         """Queue the passes that set `limits` to shares of the samples' mean irradiance.
 
         The mean of `SAMPLES` of them, lit by 64 or more clusters of lights where there are as many, and
-        by `other_light`, planes of irradiance in W/m^2 of a multiple of the source's size.
+        by `other_light`, up to three planes of irradiance in W/m^2 of a multiple of the source's size.
         """
-        self._mean.run(
+        others: dict[str, Any] = {}
+        for number, plane in enumerate(other_light):
+            others[f"other{number}"], others[f"plane{number}"] = plane, plane.size
+            others[f"side{number}"] = max(-(-plane.size[i] // source.size[i]) for i in (0, 1))
+        macros = {**self._light_macros, "CUT_OTHERS": len(other_light)}
+        self.runtime.kernel("multires/cut_mean.cl", macros, (CAMERA, VPL)).run(
             source.size,
             grid=(1, SAMPLES // self.runtime.variant.lanes),
             local=self.runtime.small_groups(4),
@@ -188,25 +191,8 @@ class VplTree:
             params=self._packed(values, source.margin),
             total=self.lights.count,
             wanted=SAMPLES,
+            **others,
         )
-        if other_light:
-            self._limit(interpolation, runs, CUT_OWN)
-        for plane in other_light:
-            self._other.run(
-                source.size,
-                grid=(1, SAMPLES // self.runtime.variant.lanes),
-                local=self.runtime.small_groups(4),
-                light=plane,
-                list=samples,
-                found=self._found,
-                plane=plane.size,
-                wanted=SAMPLES,
-                side=max(-(-plane.size[i] // source.size[i]) for i in (0, 1)),
-            )
-        self._limit(interpolation, runs, CUT_ALL if other_light else CUT_ALONE)
-
-    def _limit(self, interpolation: float, runs: float, stage: int) -> None:
-        """Queue the pass that sets `limits` from what is found."""
         self._limits.run(
             (1, 1),
             grid=(1, SSGI_GROUP),
@@ -216,7 +202,7 @@ class VplTree:
             count=SAMPLES,
             interpolation=interpolation,
             runs=runs,
-            stage=stage,
+            others=min(len(other_light), 1),
         )
 
     def shine(
@@ -276,8 +262,8 @@ class VplTree:
                 }
                 self._cut.run(
                     source.size,
-                    grid=(segments, min(here, items)),
-                    local=local or (1, SSGI_GROUP),
+                    grid=(segments, min(here * self._items, items)),
+                    local=local or (1, GROUP),
                     depth=source.depth,
                     normal=source.normal,
                     bounds=self._bounds,

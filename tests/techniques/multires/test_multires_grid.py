@@ -13,6 +13,7 @@ from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.multires.multires_grid import multires_grid_reference
+from ssgi_cl.techniques.multires import multires_grid
 from ssgi_cl.techniques.multires.multires_grid import MultiresGrid, MultiresGridParams, tile_order
 
 from ..analytic import CAMERAS, SCENES, camera, scene, tilted, trace
@@ -110,6 +111,29 @@ def test_every_kernel_variant_gives_bit_identical_results_and_order(
         results.append(fill(grid, on_device(gbuffer, used), truth, 0.02)[0])
         orders.append(np.concatenate([level.listed() for level in grid._levels]))
     np.testing.assert_array_equal(*results)
+    np.testing.assert_array_equal(*orders)
+
+
+@pytest.mark.parametrize(("counted", "groups"), [(0, 256), (0, 3), (1 << 30, 3)])
+def test_lists_are_the_same_however_many_work_groups_make_them(
+    runtime: Runtime,
+    plain_images: Runtime,
+    rng: np.random.Generator,
+    monkeypatch: pytest.MonkeyPatch,
+    counted: int,
+    groups: int,
+) -> None:
+    """Tiles counted by a pass before or not, and one, or several one after the other, for a work-group."""
+    gbuffer = scene("noisy", camera(size=(180, 230)), rng)
+    truth = light((180, 230), 0.5)[..., :1]
+    orders = []
+    for used in (runtime, plain_images):
+        monkeypatch.setattr(multires_grid, "COUNTED", counted)
+        monkeypatch.setattr(multires_grid, "MOST_LISTING", groups)
+        grid = MultiresGrid(used, (180, 230), channels=1)
+        fill(grid, on_device(gbuffer, used), truth, 0.02)
+        orders.append(np.concatenate([level.listed() for level in grid._levels]))
+    assert len(orders[0]) > 10_000
     np.testing.assert_array_equal(*orders)
 
 

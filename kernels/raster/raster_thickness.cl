@@ -8,7 +8,7 @@
 // inner side behind the last layer.
 //
 // Reads:   depth  THICKNESS_LAYERS x [rows, columns], scene units; INFINITY where nothing is
-//          sides  likewise, see raster_sides
+//          sides  likewise, see raster_attributes
 //          backs  [rows, columns] depth of the first inner side behind the last layer, INFINITY
 //                 where there is none
 // Writes:  thickness  THICKNESS_LAYERS x [rows, columns], scene units: 0 for an inner side; -1

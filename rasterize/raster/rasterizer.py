@@ -445,29 +445,16 @@ class Rasterizer:
                         target.take_world()
                 if not self.shaded:
                     return visible
-                self._write_attributes(1, scene, target, visible, shaded=shaded, emission=scene.emits, region=over)
+                self._write_attributes(
+                    1, scene, target, visible, shaded=shaded, emission=scene.emits, region=over, sides=sides
+                )
                 if target.mirrors and layer == 0:
                     self.write_gloss(1, scene, target.specular, target.gloss, visible=visible, region=over)
                 if before is not None and layer == 0:
                     self._write_motion(scene, visible, before)
-                if sides is not None:
-                    self._write_sides(scene, visible, sides)
         if sides is not None:
             self._write_thickness(scene, lists, visible, depths[target.layers % 2], now, sides)
         return None
-
-    def _write_sides(self, scene: DeviceScene, visible: Visible, sides: Plane) -> None:
-        """Queue the pass that writes which side of a closed surface a layer shows."""
-        self.runtime.kernel("raster/raster_sides.cl", structs=STRUCTS).run(
-            self.target.whole,
-            triangles=visible.triangles,
-            faces=scene.faces,
-            vertices=scene.shading,
-            closed=scene.closed,
-            sides=sides,
-            camera=visible.camera,
-            view=VIEW.pack(visible.view),
-        )
 
     def _write_thickness(
         self, scene: DeviceScene, lists: _Lists, visible: Visible, depths: DeviceArray, last: DeviceArray, sides: Plane
@@ -478,7 +465,7 @@ class Rasterizer:
             scene, lists, visible: of the last layer, whose triangles are overwritten.
             depths: memory for D of the inner sides.
             last: D of the last layer.
-            sides: of all layers, as `_write_sides` wrote them.
+            sides: of all layers, as `_write_attributes` wrote them.
         """
         target = self.target
         behind = Visible(visible.triangles, depths, visible.camera, {**visible.view, "layer": 0})
@@ -540,8 +527,10 @@ class Rasterizer:
         emission: bool,
         shaded: bool = True,
         region: Region | None = None,
+        sides: Plane | None = None,
     ) -> None:
         macros = {
+            "RASTER_SIDES": int(sides is not None),
             "RASTER_STEP": step,
             "RASTER_SHADED": int(shaded),
             "RASTER_TEXTURED": int(shaded and scene.textured),
@@ -558,6 +547,7 @@ class Rasterizer:
             emission=target.emission,
             camera=visible.camera,
             view=VIEW.pack(visible.view),
+            **({} if sides is None else {"closed": scene.closed, "sides": sides}),
         )
 
     @property

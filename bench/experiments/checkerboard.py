@@ -173,7 +173,7 @@ def table(all_found: Sequence[Found]) -> str:
 
 @click.command()
 @click.option("--kind", "kinds", multiple=True, default=tuple(KINDS), show_default=True, help="Several times.")
-@click.option("--seed", "seeds", multiple=True, type=int, default=(600, 601), show_default=True)
+@click.option("--seed", "seeds", multiple=True, type=int, default=(620, 621), show_default=True)
 @click.option("--meshes", type=click.Path(path_type=Path), help="Folder of meshes to measure in their place.")
 @click.option("--size", type=PixelSize(), default="640x480", show_default=True)
 @click.option("--truth-rays", default=128, show_default=True, type=click.IntRange(2, 1 << 20))

@@ -61,17 +61,11 @@ SSGI_INLINE void bitmask_slice(ssgi_plane inv_depth, const SsgiReceiver *receive
             for (BitmaskStep at = bitmask_start(&path, layer);
                  bitmask_next(slice, &path, layer, &at);) {
                 const SsgiTap tap = ssgi_tap(inv_depth, &sided, slice, &taps, side, at.t, layer);
-                bool has_front = false;
                 if (BITMASK_JOINED) {
                     bitmask_join(inv_depth, &sided, slice, &tap, at.per_px, side, layer, params,
                                  surfaces);
-                    has_front = surfaces->last.high && surfaces->last.inside;
                 } else {
                     bitmask_tap(inv_depth, &sided, slice, &tap, side, layer, surfaces);
-                }
-                if (layer < SLICES_THICKNESS) {
-                    bitmask_solid(inv_depth, &sided, slice, &tap, surfaces->last.from, has_front,
-                                  side, layer, surfaces);
                 }
             }
             if (BITMASK_JOINED) {

@@ -4,15 +4,19 @@
 // Reads:   triangles  [tile count][32][32] number of the triangle seen, or -1
 //          faces [triangles][RASTER_FACE], vertices [count][RASTER_VERTEX] quads
 //          materials [count][RASTER_MATERIAL], textures, texels, decode
+//          closed  [triangles] 1 where it is counter-clockwise seen from outside, -1 from inside, 0
+//                  if it is of no closed surface (RASTER_SIDES 1)
 // Writes:  depth     image view.layer of a plane: scene units; INFINITY where nothing is
 //          normal    images 3 view.layer + c: world space, unit length, as the mesh has it
 //          albedo    likewise, in [0, 1]
 //          emission  likewise, W m^-2 sr^-1 (RASTER_EMISSION not 0)
+//          sides     image view.layer of a plane: 1 for the outer side of a closed surface, -1 for
+//                    the inner one, 0 for another surface and for nothing (RASTER_SIDES 1)
 // Params:  camera, view: of the buffer; size = result; view.matt 1: albedo has the reflectance of
 //          lobes in it
 // Macros:  RASTER_STEP: pixels of the buffer from one of the result to the next;
 //          RASTER_SHADED (0: depth alone), RASTER_TEXTURED, RASTER_COLORED (0, 1), RASTER_EMISSION
-//          (0, 1, or 2 with textures)
+//          (0, 1, or 2 with textures), RASTER_SIDES (0, 1)
 // Launch:  SSGI_LANES pixels of a row per work-item
 
 #include "common/gbuffer.clh"
@@ -21,8 +25,26 @@
 #include "raster/seen.clh"
 
 #if !defined(RASTER_STEP) || !defined(RASTER_SHADED) || !defined(RASTER_TEXTURED) ||               \
-    !defined(RASTER_COLORED) || !defined(RASTER_EMISSION)
-#error "RASTER_STEP, _SHADED, _TEXTURED, _COLORED and _EMISSION must be defined by the host"
+    !defined(RASTER_COLORED) || !defined(RASTER_EMISSION) || !defined(RASTER_SIDES)
+#error "RASTER_STEP, _SHADED, _TEXTURED, _COLORED, _EMISSION, _SIDES must be defined by the host"
+#endif
+
+#if RASTER_SIDES
+// 1 in lanes that see the outer side of a closed surface, -1 for the inner one, 0 for another.
+RASTER_INLINE vfloat raster_side_seen(const vint triangle, const vmask there,
+                                      __global const int *restrict closed, const RasterTriangle *t,
+                                      const SsgiCamera camera, const RasterView view)
+{
+    // From the eye to the triangle, or with an orthographic camera the view direction.
+    const bool perspective = camera.perspective != 0.0f;
+    const vfloat dx = perspective ? t->ax : v_splat(-view.zx);
+    const vfloat dy = perspective ? t->ay : v_splat(-view.zy);
+    const vfloat dz = perspective ? t->az : v_splat(-view.zz);
+    const vfloat away = t->nx * dx + t->ny * dy + t->nz * dz;
+    const vfloat outward = v_to_float(v_ifetch(closed, triangle, t->same));
+    const vfloat side = v_select(outward, -outward, v_gt(away, v_splat(0.0f)));
+    return v_select(v_splat(0.0f), side, there);
+}
 #endif
 
 // Write what the lanes see of their triangles, one or several.
@@ -32,8 +54,12 @@ raster_write(const vint triangle, const vmask there, const bool same,
              __global const float *restrict materials, __global const int *restrict textures,
              __global const int *restrict texels, __global const float *restrict decode,
              __global float *restrict depth, __global float *restrict normal,
-             __global float *restrict albedo, __global float *restrict emission, const int2 size,
-             const int x, const int y, const SsgiCamera camera, const RasterView view)
+             __global float *restrict albedo, __global float *restrict emission,
+#if RASTER_SIDES
+             __global const int *restrict closed, __global float *restrict sides,
+#endif
+             const int2 size, const int x, const int y, const SsgiCamera camera,
+             const RasterView view)
 {
 #if RASTER_SHADED
     const vfloat zero = v_splat(0.0f);
@@ -47,6 +73,10 @@ raster_write(const vint triangle, const vmask there, const bool same,
     const RasterHit hit = raster_hit(camera, view, &t, slope_x, slope_y);
     const vfloat kept = v_max(hit.depth, v_splat(view.near_depth));
     ssgi_store(v_select(v_splat(INFINITY), kept, there), depth, size, view.layer, x, y, INFINITY);
+#if RASTER_SIDES
+    ssgi_store(raster_side_seen(triangle, there, closed, &t, camera, view), sides, size, view.layer,
+               x, y, 0.0f);
+#endif
 
 #if RASTER_SHADED
     const RasterAttributes turned = raster_attributes_of(vertices, &t, RASTER_NORMAL);
@@ -116,8 +146,11 @@ raster_attributes(__global const int *restrict triangles, __global const int *re
                   __global const int *restrict textures, __global const int *restrict texels,
                   __global const float *restrict decode, __global float *restrict depth,
                   __global float *restrict normal, __global float *restrict albedo,
-                  __global float *restrict emission, const int2 size, const SsgiCamera camera,
-                  const RasterView view)
+                  __global float *restrict emission,
+#if RASTER_SIDES
+                  __global const int *restrict closed, __global float *restrict sides,
+#endif
+                  const int2 size, const SsgiCamera camera, const RasterView view)
 {
     const int x = ssgi_first_column();
     const int y = (int)get_global_id(1);
@@ -132,6 +165,9 @@ raster_attributes(__global const int *restrict triangles, __global const int *re
 #endif
     if (!v_any(there)) {
         ssgi_store(v_splat(INFINITY), depth, size, view.layer, x, y, INFINITY);
+#if RASTER_SIDES
+        ssgi_store(v_splat(0.0f), sides, size, view.layer, x, y, 0.0f);
+#endif
 #if RASTER_SHADED
         for (int c = 0; c < 3; ++c) {
             ssgi_store(zero, normal, size, first + c, x, y, 0.0f);
@@ -145,11 +181,16 @@ raster_attributes(__global const int *restrict triangles, __global const int *re
     }
     // Lanes that see nothing take a neighbour's triangle: often all lanes then have the same.
     const vint triangle = v_iselect(v_splat_int(v_ilargest(seen)), seen, there);
+#if RASTER_SIDES
+#define RASTER_INTO depth, normal, albedo, emission, closed, sides
+#else
+#define RASTER_INTO depth, normal, albedo, emission
+#endif
     if (v_all(v_ieq(triangle, v_splat_int(v_first(triangle))))) {
         raster_write(triangle, there, true, faces, vertices, materials, textures, texels, decode,
-                     depth, normal, albedo, emission, size, x, y, camera, view);
+                     RASTER_INTO, size, x, y, camera, view);
     } else {
         raster_write(triangle, there, false, faces, vertices, materials, textures, texels, decode,
-                     depth, normal, albedo, emission, size, x, y, camera, view);
+                     RASTER_INTO, size, x, y, camera, view);
     }
 }

@@ -11,7 +11,7 @@
 //          previous  D of the layer before (RASTER_PEEL 1)
 //          corners, positions_view, uvs, cutouts, textures, texels, decode: for cut-out materials
 //          (RASTER_CUTOUT 1); cutouts [triangles] material of a triangle with holes, or -1
-//          closed: as of raster_sides (RASTER_BACKS 1)
+//          closed: as of raster_attributes (RASTER_BACKS 1)
 // Writes:  depths, triangles  [tile count][32][32] D, and the number or -1
 // Macros:  RASTER_PEEL, RASTER_BACKS, RASTER_CUTOUT (0, 1), RASTER_WIDE, RASTER_HIGH: pixels of a
 //          work-item's rectangle, of which a tile holds a whole number, RASTER_WIDE a multiple of

@@ -88,11 +88,20 @@ class DeviceScene:
         self._runtime, self._scene = runtime, ref(scene)  # it goes with the scene
 
     @cached_property
-    def closed(self) -> DeviceArray:
-        """[triangles] int32: which side of a closed surface is the outer one, see `closed_sides`."""
+    def _sides(self) -> NDArray[np.int32]:
         scene = self._scene()
         assert scene is not None  # noqa: S101  who draws it has it
-        return self._runtime.array(closed_sides(scene).astype(np.int32))
+        return closed_sides(scene).astype(np.int32)
+
+    @cached_property
+    def closed(self) -> DeviceArray:
+        """[triangles] int32: which side of a closed surface is the outer one, see `closed_sides`."""
+        return self._runtime.array(self._sides)
+
+    @property
+    def has_solids(self) -> bool:
+        """Whether any of its surfaces is closed."""
+        return bool(self._sides.any())
 
 
 SRGB_TO_LINEAR = BYTES.astype(np.float32)

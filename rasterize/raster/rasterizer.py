@@ -332,7 +332,7 @@ class Rasterizer:
         """Reserve what a frame needs until its pixels are drawn, for so many bytes of vertices."""
         target = self.target
         passing = self.shaded and target.world == "until released"
-        images = 2 * self.stride if self.stride else 1 + min(target.layers, 2)
+        images = 2 * self.stride if self.stride else 1 + min(target.layers + self.thickness, 2)
         self.runtime.transient.reserve(
             4 * self._pixels * images
             + vertices
@@ -405,7 +405,7 @@ class Rasterizer:
     def _regions(self) -> list[Region | None]:
         """Return where each layer may have pixels: in tiles with more triangles than its number."""
         layers = range(self.target.layers)
-        if not self.regions or self.thickness:
+        if not self.regions:
             return [None for _ in layers]
         counts = np.diff(self._starts.download()).reshape(self._tiles)
         return [busy_region(counts > layer, self.target.whole, self.runtime.variant.lanes) for layer in layers]
@@ -427,6 +427,7 @@ class Rasterizer:
         depths = [array(self._pixels, np.float32) for _ in range(min(target.layers + self.thickness, 2))]
         seen = array(self._pixels, np.int32)
         sides = self.runtime.transient.plane(target.layers, whole) if self.thickness else None
+        drawn: Region | None = None
         for layer, region in enumerate(regions):
             shaded = layer < target.attributes
             view = {**values, "layer": layer}
@@ -436,6 +437,7 @@ class Rasterizer:
             # What was seen there before is to be cleared.
             with target.previous_regions[layer].over(region, scene.emits) as over:
                 over = None if over is None else widened(over, whole, self.runtime.variant.lanes)
+                drawn = over if layer == 0 else drawn
                 peel = {"RASTER_PEEL": int(layer > 0 or behind is not None), "RASTER_BACKS": 0, "RASTER_SPREAD": 0}
                 self._run_tiles("raster/raster_tiles.cl", peel, scene, lists, visible, now, over, previous=nearer)
                 if late:
@@ -445,32 +447,26 @@ class Rasterizer:
                         target.take_world()
                 if not self.shaded:
                     return visible
-                self._write_attributes(1, scene, target, visible, shaded=shaded, emission=scene.emits, region=over)
+                self._write_attributes(
+                    1, scene, target, visible, shaded=shaded, emission=scene.emits, region=over, sides=sides
+                )
                 if target.mirrors and layer == 0:
                     self.write_gloss(1, scene, target.specular, target.gloss, visible=visible, region=over)
                 if before is not None and layer == 0:
                     self._write_motion(scene, visible, before)
-                if sides is not None:
-                    self._write_sides(scene, visible, sides)
         if sides is not None:
-            self._write_thickness(scene, lists, visible, depths[target.layers % 2], now, sides)
+            self._write_thickness(scene, lists, visible, depths[target.layers % 2], now, sides, drawn)
         return None
 
-    def _write_sides(self, scene: DeviceScene, visible: Visible, sides: Plane) -> None:
-        """Queue the pass that writes which side of a closed surface a layer shows."""
-        self.runtime.kernel("raster/raster_sides.cl", structs=STRUCTS).run(
-            self.target.whole,
-            triangles=visible.triangles,
-            faces=scene.faces,
-            vertices=scene.shading,
-            closed=scene.closed,
-            sides=sides,
-            camera=visible.camera,
-            view=VIEW.pack(visible.view),
-        )
-
     def _write_thickness(
-        self, scene: DeviceScene, lists: _Lists, visible: Visible, depths: DeviceArray, last: DeviceArray, sides: Plane
+        self,
+        scene: DeviceScene,
+        lists: _Lists,
+        visible: Visible,
+        depths: DeviceArray,
+        last: DeviceArray,
+        sides: Plane,
+        region: Region | None,
     ) -> None:
         """Queue the passes that draw the inner sides behind the last layer, and write the thickness of all.
 
@@ -478,20 +474,26 @@ class Rasterizer:
             scene, lists, visible: of the last layer, whose triangles are overwritten.
             depths: memory for D of the inner sides.
             last: D of the last layer.
-            sides: of all layers, as `_write_sides` wrote them.
+            sides: of all layers, as `_write_attributes` wrote them.
+            region: where the front layer was drawn.
         """
         target = self.target
         behind = Visible(visible.triangles, depths, visible.camera, {**visible.view, "layer": 0})
         peel = {"RASTER_PEEL": 1, "RASTER_BACKS": 1, "RASTER_SPREAD": 0}
         self._run_tiles(
-            "raster/raster_tiles.cl", peel, scene, lists, behind, depths, previous=last, closed=scene.closed
+            "raster/raster_tiles.cl", peel, scene, lists, behind, depths, region, previous=last, closed=scene.closed
         )
         backs = self.runtime.transient.plane(1, target.whole, math.inf)
         self.runtime.kernel("raster/raster_depth.cl", structs=STRUCTS).run(
-            target.whole, depths=depths, depth=backs, camera=behind.camera, view=VIEW.pack(behind.view)
+            target.whole, region=region, depths=depths, depth=backs, camera=behind.camera, view=VIEW.pack(behind.view)
         )
         self.runtime.kernel("raster/raster_thickness.cl", {"THICKNESS_LAYERS": target.layers}).run(
-            target.whole, depth=target.depth, sides=sides, backs=backs, thickness=target.take_thickness(target.layers)
+            target.whole,
+            region=region,
+            depth=target.depth,
+            sides=sides,
+            backs=backs,
+            thickness=target.take_thickness(target.layers),
         )
 
     def _run_tiles(
@@ -540,14 +542,17 @@ class Rasterizer:
         emission: bool,
         shaded: bool = True,
         region: Region | None = None,
+        sides: Plane | None = None,
     ) -> None:
         macros = {
+            "RASTER_SIDES": int(sides is not None),
             "RASTER_STEP": step,
             "RASTER_SHADED": int(shaded),
             "RASTER_TEXTURED": int(shaded and scene.textured),
             "RASTER_COLORED": int(shaded and scene.colored),
             "RASTER_EMISSION": int(shaded and emission) * (1 + scene.emits_textures),
         }
+        of_sides: dict[str, Any] = {} if sides is None else {"closed": scene.closed, "sides": sides}
         self.runtime.kernel("raster/raster_attributes.cl", macros, STRUCTS).run(
             target.whole,
             region=region,
@@ -558,6 +563,7 @@ class Rasterizer:
             emission=target.emission,
             camera=visible.camera,
             view=VIEW.pack(visible.view),
+            **of_sides,
         )
 
     @property

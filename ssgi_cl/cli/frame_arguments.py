@@ -65,7 +65,7 @@ def frame_arguments(
     arguments = {
         **{name: options[name] for name in _AS_GIVEN},
         "bounces": _bounces(options["bounces"]),
-        "ao": False if options["ao"] == "none" else options["ao"],
+        "ao": {"none": False, None: True}.get(options["ao"], options["ao"]),
         "ao_radius": radius if options["ao_radius"] is None and not _whole(options) else options["ao_radius"],
         "runtime": runtime,
     }

@@ -12,7 +12,7 @@ from ssgi_cl.cli.facts import camera_facts, light_facts
 from ssgi_cl.cli.frame_arguments import CULL, frame_arguments
 from ssgi_cl.cli.frames import cameras_options, frames_options
 from ssgi_cl.cli.views import Shot, render_views
-from ssgi_cl.frame.params import AO_DEFAULT, BOUNCES, DEFAULT_PRESET, PRESETS
+from ssgi_cl.frame.params import AO_CONTACT, AO_DEFAULT, BOUNCES, DEFAULT_PRESET, PRESETS
 from ssgi_cl.frame.render import Frame, render
 from ssgi_cl.frame.skips import ONE_PICTURE, SKIPS
 from ssgi_cl.io import png
@@ -102,9 +102,7 @@ _GROUPS = {
 @click.option(
     "--ao",
     type=click.Choice((*TECHNIQUES, "none")),
-    default=AO_DEFAULT,
-    show_default=True,
-    help="What dims ambient light.",
+    help=f"What dims ambient light; {AO_DEFAULT} by default, with all bounces {AO_CONTACT}.",
 )
 @click.option(
     "--ao-radius",

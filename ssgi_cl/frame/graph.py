@@ -18,7 +18,7 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.timing import PassTime
 from ssgi_cl.frame.record import GraphRecord, StageRecord, device_bytes
 from ssgi_cl.frame.skips import same
-from ssgi_cl.frame.stage import Stage, Values
+from ssgi_cl.frame.stage import WANTED, Stage, Values
 
 UNCHANGED = "all that it is made of stays the same"
 """Reason of a stage whose results are reused."""
@@ -198,7 +198,8 @@ class Graph:
         tell: Told | None,
     ) -> dict[str, Any]:
         """Run stages in their order; return all resources, and note in `log` what became of each."""
-        values = dict(given)
+        wanted = frozenset(name for stage in self.stages if stage.name not in left_out for name in stage.writes)
+        values = {**given, WANTED: wanted}
         for number, stage in enumerate(self.stages, 1):
             state, why = left_out.get(stage.name, ("", ""))
             if state:
@@ -225,6 +226,7 @@ class Graph:
         """Make what a stage writes, or take what it made of the same inputs."""
         name, kept = stage.name, self.keep and not stage.on_demand
         inputs = tuple(self._input(each, values, log) for each in self._inputs[name] if kept)
+        inputs += tuple(each in values[WANTED] for each in stage.foresees)
         made = self._made.get(name)
         if made is not None and same(made[0], inputs):
             log[name] = self._not_run(stage, "reused", UNCHANGED, UNCHANGED)

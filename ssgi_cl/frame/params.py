@@ -27,7 +27,11 @@ from ssgi_cl.techniques.ssdo.ssdo_params import SsdoParams
 from ssgi_cl.techniques.technique import Technique
 from ssgi_cl.techniques.vpl.vpl_splat import VplSplatParams
 
-AO_DEFAULT = "gtao"
+AO_DEFAULT = "bitmask_ao"
+AO_CONTACT = "gtao"
+"""Techniques of ambient occlusion by default: of ambient light, and of contact in the whole picture."""
+AO_SETTINGS = {"checkerboard": True, "blur_radius": 3, "taps": 16}
+"""Of the first of them, which so takes half the time of its defaults for 1 to 3 % more error."""
 MOST_BOUNCES = 1000
 MOST_LAYERS = 16
 MOST_PLACES = 64
@@ -124,7 +128,9 @@ class FrameParams(Params):
 
     bounces: Bounces | None = param(None, "reflections: 0 or more, or 'all'; None: 'all' without `indirect`, else 0")
     preset: Preset | WholeFrameParams | None = param(None, "accuracy of the whole picture; None: 'high'")
-    ao: bool | AoTechnique | OcclusionParams = param(True, "technique of ambient occlusion; True: 'gtao'")
+    ao: bool | AoTechnique | OcclusionParams = param(
+        True, "technique of ambient occlusion; True: 'bitmask_ao', in the whole picture 'gtao'"
+    )
     ao_radius: float | None = param(
         None, "of ambient occlusion and of 'ssdo'; None: chosen from the view", unit="scene units"
     )
@@ -217,7 +223,8 @@ class FrameParams(Params):
             return next(name for name, entry in TECHNIQUES.items() if type(self.ao) is entry.params)
         if not isinstance(self.ao, (bool, str)):
             raise TypeError(f"ao is {self.ao!r}: expected True, False or the name of a technique")
-        name = AO_DEFAULT if self.ao is True else self.ao
+        usual = AO_DEFAULT if self.whole is None else AO_CONTACT
+        name = usual if self.ao is True else self.ao
         if isinstance(name, str):
             checks.choice("ao", name, tuple(TECHNIQUES))
         if self.ao_samples is not None and name != "ssao":
@@ -258,6 +265,11 @@ class FrameParams(Params):
         return self.indirect_ao and self.kind in ("whole", "one bounce")
 
     @property
+    def draws_thickness(self) -> bool:
+        """Whether the G-buffer gets the ends of solids, which ambient occlusion reads where it has its full radius."""
+        return self.kind in ("direct", "one bounce") and self.ao_name == "bitmask_ao"
+
+    @property
     def needs_radius(self) -> bool:
         """Whether a radius is to be chosen from the view."""
         # With SSDO there is no other occlusion; parameters of a technique have a radius of their own.
@@ -275,8 +287,10 @@ class FrameParams(Params):
             return None, replace(bounce, bent_normals=False)  # a picture has none
         occlusion: Any = self.ao
         if not isinstance(occlusion, Params):
-            samples = {} if self.ao_samples is None else {"samples": self.ao_samples}
-            occlusion = self.ao_name and TECHNIQUES[self.ao_name].params(radius=radius, **samples)
+            given = {} if self.ao_samples is None else {"samples": self.ao_samples}
+            if self.ao is True and self.ao_name == AO_DEFAULT:
+                given = AO_SETTINGS
+            occlusion = self.ao_name and TECHNIQUES[self.ao_name].params(radius=radius, **given)
         return occlusion, bounce
 
     def _bounce(self, radius: float) -> Params | None:

@@ -78,8 +78,10 @@ def render(
             `indirect`, 0 with it.
         preset: accuracy of the whole picture: "low", "medium", "high" or "ultra"; by default
             "high". Not with `bounces` 0.
-        ao: technique of ambient occlusion: "ssao", "hbao", "gtao" or "bitmask_ao"; True for "gtao", False
-            for none. All but "ssao" look into all `layers`, all four into the margin.
+        ao: technique of ambient occlusion: "ssao", "hbao", "gtao" or "bitmask_ao"; True for "gtao" in the whole
+            picture and else for "bitmask_ao", which scans every other pixel then; False for none. All but "ssao"
+            look into all `layers`, all four into the margin. "bitmask_ao" knows where solids end, whose back sides
+            are drawn for it, but in the whole picture.
         ao_radius: its radius in scene units, and that of "ssdo"; by default two cells of the
             occupancy grid for the whole picture, else 5 % of the picture's diagonal where surfaces
             are seen, at most 5 % of the diagonal of the scene's box (see `default_ao_radius`); for

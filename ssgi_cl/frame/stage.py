@@ -8,6 +8,8 @@ from typing import Any
 
 Values = Mapping[str, Any]
 """Resources by name."""
+WANTED = "wanted"
+"""Name under which `Values` has the names of the resources that a run of the graph makes."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -20,6 +22,7 @@ class Stage:
         hints: resources that change how much is computed and no bit of the result. A change of
             them is no reason to make the result again.
         writes: resources that it makes.
+        foresees: resources of later stages: whether these will run changes what it makes.
         run: is called with the resources of `reads` and `hints`; returns the resource that it
             writes, or a tuple of all.
         condition: is called with the resources given by the caller, and their "outputs", the
@@ -35,6 +38,7 @@ class Stage:
     run: Callable[[Declared], Any]
     reads: tuple[str, ...] = ()
     hints: tuple[str, ...] = ()
+    foresees: tuple[str, ...] = ()
     condition: Callable[[Values], str | None] | None = None
     on_demand: bool = False
     releases: tuple[str, ...] = ()
@@ -67,6 +71,15 @@ class Declared:
                 f"{', '.join(map(repr, self._stage.uses))}"
             )
         return self._values.get(name)
+
+    def foresees(self, name: str) -> bool:
+        """Return whether the stage that writes a resource, which this one foresees, runs or is reused."""
+        if name not in self._stage.foresees:
+            raise LookupError(
+                f"stage {self._stage.name!r} asks whether {name!r} will be made: expected one of "
+                f"{', '.join(map(repr, self._stage.foresees)) or 'none'}"
+            )
+        return name in self._values.get(WANTED, ())
 
 
 def run_in_order(stages: Sequence[Stage], values: Values) -> Values:

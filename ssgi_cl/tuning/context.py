@@ -74,9 +74,10 @@ class Context:
         """What the camera sees, in device memory."""
         return self.layered(1, 0.0)
 
-    def layered(self, layers: int, overscan: float) -> DeviceGBuffer:
-        """Return a G-buffer with depth layers and overscan, drawn now, in device memory."""
-        rasterizer = Rasterizer(self.runtime, self.size, layers=layers, margin=margin_of(self.camera, overscan))
+    def layered(self, layers: int, overscan: float, *, thickness: bool = False) -> DeviceGBuffer:
+        """Return a G-buffer with depth layers, overscan and thickness, drawn now, in device memory."""
+        margin = margin_of(self.camera, overscan)
+        rasterizer = Rasterizer(self.runtime, self.size, layers=layers, margin=margin, thickness=thickness)
         with self.runtime.frame():
             target = rasterizer.render(device_scene(self.view.scene, self.runtime), self.camera)
             target.derive()

@@ -19,10 +19,10 @@ TITLES = {FRAME: "Frame", PRESET: "Whole picture", AO: "Ambient occlusion: {}", 
 
 _ONE_BOUNCE = ("indirect", "method", "glossy_vpls", "auxiliary_cameras", "indirect_ao")
 _OTHERS: dict[tuple[str, str], tuple[tuple[str, tuple[str, ...]], ...]] = {
-    (FRAME, "indirect"): ((FRAME, ("bounces", "preset", *_ONE_BOUNCE)), (BOUNCE, ()), (PRESET, ())),
+    (FRAME, "indirect"): ((FRAME, ("bounces", "preset", *_ONE_BOUNCE)), (AO, ()), (BOUNCE, ()), (PRESET, ())),
     (FRAME, "method"): ((BOUNCE, ()),),
-    (FRAME, "bounces"): ((FRAME, _ONE_BOUNCE), (BOUNCE, ())),
-    (FRAME, "preset"): ((FRAME, ("bounces", *_ONE_BOUNCE)), (PRESET, ())),
+    (FRAME, "bounces"): ((FRAME, _ONE_BOUNCE), (AO, ()), (BOUNCE, ())),
+    (FRAME, "preset"): ((FRAME, ("bounces", *_ONE_BOUNCE)), (AO, ()), (PRESET, ())),
     (FRAME, "ao"): ((FRAME, ("ao_samples",)), (AO, ())),
 }
 """(group, name) of what is chosen -> what goes back to its default then: (group, names), all where none are named."""

@@ -101,7 +101,7 @@ def test_render_reports_passes_and_device(tmp_path: Path, runtime: Runtime) -> N
     assert passes["tonemap"]["ms"] >= 0.0
     assert passes["tonemap"]["skipped"] is None
     # The built-in box has no ambient light, so that nothing needs occlusion.
-    assert "ambient" in passes["gtao"]["skipped"]
+    assert "ambient" in passes["bitmask_ao"]["skipped"]
     shown = succeeds(*arguments).stdout
     assert "skipped: no ambient light" in shown
     assert f"exposure {frame.exposure:.4g}\n" in shown
@@ -211,7 +211,7 @@ def test_render_has_the_method(tmp_path: Path) -> None:
         (["--fov", 0], "--fov is 0.0: expected a number >= 0.01 and <= 179 (degrees)"),
         (["--ao-radius", -1], "radius is -1.0"),
         (["--ao", "ssao", "--ao-samples", 0], "samples is 0"),
-        (["--ao-samples", 8], "ao_samples is 8: expected None with ao='gtao'"),
+        (["--ao-samples", 8], "ao_samples is 8: expected None with ao=True"),
         (["--ao", "best"], "'best' is not one of 'ssao', 'hbao', 'gtao', 'bitmask_ao', 'none'"),
         (["--indirect", "vpl", "--vpls", 0], "vpls is 0"),
         (["--layers", 0], "layers is 0"),

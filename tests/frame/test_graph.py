@@ -152,6 +152,41 @@ def test_what_the_caller_gives_is_not_made(runtime: Runtime, stages: Recorder) -
     assert stages.since() == [], "the same value is no change"
 
 
+# ---- what later stages do
+
+
+def test_a_stage_runs_anew_where_what_it_foresees_changes(runtime: Runtime, stages: Recorder) -> None:
+    def run(values: Declared) -> float:
+        stages.ran.append("first")
+        return 10.0 if values.foresees("later") else 1.0
+
+    dark = {"on": True}
+    graph = Graph(
+        runtime,
+        [
+            stages.stage("first", ("number",), run=run, foresees=("later",)),
+            stages.stage("later", ("first",), condition=lambda facts: "dark" if dark["on"] else None),
+            stages.stage("last", ("first", "later")),
+        ],
+    )
+    given = {"number": 1}
+    assert graph.run(given, ["last"]).values["last"] == 2  # the idle one leaves nothing
+    assert stages.since() == ["first", "last"]
+    dark["on"] = False
+    assert graph.run(given, ["last"]).values["last"] == 22
+    assert stages.since() == ["first", "later", "last"]
+    assert graph.run(given, ["last"]).values["last"] == 22
+    assert stages.since() == []  # reused, it is still made
+    assert graph.run(given, ["first"]).values["first"] == 1.0  # no output needs the later one
+    assert stages.since() == ["first"]
+
+
+def test_a_stage_foresees_what_it_declares_alone(runtime: Runtime, stages: Recorder) -> None:
+    graph = Graph(runtime, [stages.stage("first", run=lambda values: values.foresees("later")), stages.stage("later")])
+    with pytest.raises(LookupError, match="stage 'first' asks whether 'later' will be made: expected one of none"):
+        graph.run({}, ["first"])
+
+
 # ---- reuse
 
 

@@ -28,10 +28,10 @@ def test_another_radius_runs_occlusion_and_what_reads_it(runtime: Runtime) -> No
     states(0.3)
     same = states(0.3)
     other = states(0.6)
-    assert "ran" not in {same[name] for name in ("G-buffer", "gtao", "bounce", "combine")}
+    assert "ran" not in {same[name] for name in ("G-buffer", "bitmask_ao", "bounce", "combine")}
     for name in ("G-buffer", "direct light", "bounce"):
         assert other[name] == "reused", name
-    assert other["gtao"] == other["combine"] == "ran"
+    assert other["bitmask_ao"] == other["combine"] == "ran"
 
 
 @pytest.mark.parametrize(
@@ -60,6 +60,19 @@ def test_ambient_occlusion_is_that_of_the_name(name: str) -> None:
     chosen = FrameParams(ao=name, ao_radius=0.3).techniques(1.0)[0]
     assert type(chosen) is TECHNIQUES[name].params
     assert chosen.radius in (0.3, (0.3,))
+
+
+def test_by_default_ambient_light_is_dimmed_by_the_bitmask_and_contact_by_horizons() -> None:
+    for given in ({"bounces": 0}, {"indirect": "vpl"}):
+        params = FrameParams(**given)
+        assert params.techniques(0.3)[0] == gi.BitmaskParams(radius=0.3, checkerboard=True, blur_radius=3, taps=16)
+        assert params.draws_thickness
+        assert FrameParams(ao="bitmask_ao", **given).techniques(0.3)[0] == gi.BitmaskParams(radius=0.3)
+        assert not FrameParams(ao="gtao", **given).draws_thickness
+    whole = FrameParams()
+    assert whole.techniques(0.3)[0] == gi.GtaoParams(radius=0.3)
+    for params in (whole, FrameParams(ao="bitmask_ao"), FrameParams(indirect="ssdo")):
+        assert not params.draws_thickness
 
 
 def test_arguments_choose_the_whole_picture_or_a_technique() -> None:

@@ -18,7 +18,7 @@ from ssgi_cl.frame.params import FrameParams
 from ssgi_cl.frame.render import Frame, Renderer
 from ssgi_cl.frame.render import render as render_kept
 from ssgi_cl.frame.skips import SKIPS
-from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
+from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, BuiltinScene, make_scene
 from ssgi_cl.reference.direct.shade import shade_reference
 from ssgi_cl.reference.filters.tonemap import encoded_reference
 from ssgi_cl.techniques.ao.ssao import SsaoParams
@@ -82,7 +82,7 @@ def test_frame_holds_arrays_of_the_documented_shape_and_type(runtime: Runtime, s
     assert frame.ao.max() == 1.0
     for array in (frame.image, frame.radiance, frame.ao):
         assert array.flags.c_contiguous
-    wanted = ["gbuffer_normals", "gtao", "shade_light", "shade_combine", "tonemap"]
+    wanted = ["gbuffer_normals", "bitmask_ao", "shade_light", "shade_combine", "tonemap"]
     first = [names(frame).index(name) for name in wanted]
     assert first == sorted(first)
     assert all(p.ms >= 0.0 and (p.ms == 0.0 or not p.skipped) for p in frame.passes)
@@ -145,15 +145,15 @@ def test_ao_is_skipped_with_a_reason_where_there_is_no_ambient_light(runtime: Ru
     for lights in ([SUN], [SUN, Environment(0.0)], []):
         frame = render(small, viewer(), lights, bounces=0, shadow_size=64, runtime=runtime)
         assert frame.ao is None
-        assert skipped(frame)["gtao"] == "no ambient light for it to dim"
-        assert "gtao" not in names(frame)
+        assert skipped(frame)["bitmask_ao"] == "no ambient light for it to dim"
+        assert "bitmask_ao" not in names(frame)
 
 
 def test_ao_is_left_out_if_not_asked_for(runtime: Runtime, small: Scene) -> None:
     frame = render(small, viewer(), [SUN, SKY], bounces=0, ao=False, shadow_size=64, runtime=runtime)
     assert frame.ao is None
     assert frame.gbuffer is None
-    assert not {"ssao", "gtao"} & {p.name for p in frame.passes}
+    assert not {"ssao", "bitmask_ao"} & {p.name for p in frame.passes}
     given: dict[str, Any] = {"bounces": 0, "shadow_size": 64, "runtime": runtime}
     skipped, none = (render(small, viewer(), [SUN], ao=ao, **given).radiance for ao in (True, False))
     np.testing.assert_array_equal(skipped, none)
@@ -176,6 +176,55 @@ def test_no_light_leaves_what_glows_by_itself(runtime: Runtime, small: Scene) ->
 
 
 # ---- ambient occlusion by each technique, and indirect light
+
+
+def test_the_default_knows_where_solids_end_and_scans_every_other_pixel(runtime: Runtime) -> None:
+    built = make_scene("room-7")
+    camera = built.camera(80, 60)
+    given: dict[str, Any] = {"bounces": 0, "ao_radius": built.ao_radius, "outputs": ["ao"], "runtime": runtime}
+    frame = render(built.scene, camera, [SKY], **given, gbuffer=True)
+    drawn = gi.rasterize.gbuffer(built.scene, camera, thickness=True, runtime=runtime)
+    np.testing.assert_array_equal(frame.gbuffer.thickness, drawn.thickness)
+    scan: dict[str, Any] = {"checkerboard": True, "blur_radius": 3, "taps": 16}
+    by_hand = gi.bitmask_ao(frame.gbuffer, radius=built.ao_radius, **scan, runtime=runtime)
+    # Normals of a G-buffer from the host are turned to the view anew: a tap here and there moves by a pixel.
+    assert np.mean(np.abs(frame.ao - by_hand) > 1e-3) < 1e-3
+    alone = render(built.scene, camera, [SKY], **given)
+    np.testing.assert_array_equal(alone.ao, frame.ao)
+    without = gi.rasterize.gbuffer(built.scene, camera, runtime=runtime)
+    guessed = gi.bitmask_ao(without, radius=built.ao_radius, **scan, runtime=runtime)
+    assert np.mean(np.abs(frame.ao - guessed) > 1e-2) > 0.05  # it makes a difference
+
+
+def test_ends_of_solids_are_drawn_where_occlusion_is_computed_alone(runtime: Runtime) -> None:
+    solid, sheet = make_scene("room-7"), make_scene("cornell_box")  # whose boxes have no bottom
+
+    def drawn(built: BuiltinScene, lights: list[Any], **more: Any) -> bool:
+        given = {"bounces": 0, "ao_radius": 0.2, "shadow_size": 32, "runtime": runtime, **more}
+        return "raster_thickness" in names(render(built.scene, built.camera(48, 36), lights, **given))
+
+    assert drawn(solid, [SKY])
+    assert not drawn(solid, [SUN])
+    assert not drawn(solid, [SKY], ao="gtao")
+    assert not drawn(sheet, [SKY])
+
+
+def test_ends_of_solids_come_and_go_with_what_reads_them(runtime: Runtime) -> None:
+    corners = [[x, y, z] for x in (-0.5, 0.5) for y in (0.0, 1.0) for z in (-0.5, 0.5)]
+    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    floor = [[-1, 0, -1], [-1, 0, 1], [1, 0, 1], [1, 0, -1]]
+    scene = scene_of(corners + floor, halves([*sides, (8, 9, 10, 11)]), Material())  # in the middle of nothing
+    given: dict[str, Any] = {"bounces": 0, "ao_radius": 0.4, "shadow_size": 32, "exposure": 1.0}
+    cameras = [Camera.look_at((x, 1.0, 4.0), (x, 0.0, 0.0), yfov=1.0, width=96, height=72) for x in (0.0, -3.5, 3.5)]
+    renderer = Renderer(runtime, (72, 96), FrameParams(**given))
+    for camera, lights, output in zip((*cameras, cameras[0]), ([SKY], [SUN], [SKY], [SKY]), (0, 0, 1, 0), strict=True):
+        more: dict[str, Any] = {"gbuffer": bool(output)}
+        kept = renderer(scene, camera, lights, **more)
+        anew = render(scene, camera, lights, **given, **more, skips=["dark"], runtime=runtime)
+        np.testing.assert_array_equal(kept.radiance, anew.radiance)
+        if output:  # what earlier frames left beyond what is seen would show here
+            np.testing.assert_array_equal(kept.gbuffer.thickness, anew.gbuffer.thickness)
+            assert (np.asarray(kept.gbuffer.thickness) > 0.0).any()
 
 
 @pytest.mark.parametrize(

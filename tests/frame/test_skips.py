@@ -119,7 +119,7 @@ def test_a_frame_whose_inputs_stay_runs_no_pass(runtime: Runtime) -> None:
     drawn(runtime, built, True)
     frame = drawn(runtime, built, True)
     assert [p.name for p in frame.passes if not p.skipped] == []
-    assert {"G-buffer", "gtao", "direct light", "combine", "picture"} <= set(reasons(frame))
+    assert {"G-buffer", "bitmask_ao", "direct light", "combine", "picture"} <= set(reasons(frame))
     assert all(p.saved >= 0.0 for p in frame.passes)
     assert next(p.saved for p in frame.passes if p.name == "G-buffer") > 0.0
 
@@ -138,9 +138,9 @@ def test_occlusion_without_ambient_light_is_the_skip_called_dark(runtime: Runtim
     ("outputs", "absent"),
     [
         (["ao"], ("shade_light", "light_shadows", "shade_combine", "tonemap", "raster_depth")),
-        (["gbuffer"], ("gtao", "shade_light", "light_shadows", "shade_combine", "tonemap")),
+        (["gbuffer"], ("bitmask_ao", "shade_light", "light_shadows", "shade_combine", "tonemap")),
         (["radiance"], ("tonemap",)),
-        (["indirect"], ("gtao", "shade_light", "light_shadows", "shade_combine", "tonemap")),
+        (["indirect"], ("bitmask_ao", "shade_light", "light_shadows", "shade_combine", "tonemap")),
     ],
     ids=str,
 )

@@ -33,7 +33,11 @@ from ssgi_cl.truth.metrics import rmse
 from ssgi_cl.tuning.choose import choose
 
 SIZE = (600, 800)
-RECORDED = sorted(path.stem for path in Path(presets.__file__).parent.iterdir() if path.suffix == ".json")
+RECORDED = sorted(
+    path.stem
+    for path in Path(presets.__file__).parent.iterdir()
+    if path.suffix == ".json" and path.name != presets.FRONT
+)
 SLICES = ("bitmask_ao", "gtao", "hbao")
 """Techniques that scan slices."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ssgi_cl.core.scene_parts import scene_parts
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.frame.passes.build import Build
-from ssgi_cl.frame.passes.resources import CAMERA, GBUFFER, HISTORY, SCENE
+from ssgi_cl.frame.passes.resources import AO, CAMERA, GBUFFER, HISTORY, SCENE
 from ssgi_cl.frame.stage import Declared, Stage
 from ssgi_cl.rasterize.raster.rasterizer import Before
 from ssgi_cl.rasterize.raster.view import device_scene
@@ -23,7 +23,11 @@ def gbuffer(build: Build) -> Stage:
         before = None
         if build.history and (moved := r[HISTORY].before(r[SCENE])) is not None:
             before = Before(device_scene(scene_parts(moved[0]).solid, runtime), moved[1])
-        seen: DeviceGBuffer = rasterizer.render(device_scene(parts.solid, runtime), r[CAMERA], before=before)
+        scene = device_scene(parts.solid, runtime)
+        # A G-buffer that is an output has it whatever reads it.
+        ends = build.params.draws_thickness and (r.foresees(AO) or rasterizer.target.world == "kept")
+        rasterizer.thickness = ends and scene.has_solids
+        seen: DeviceGBuffer = rasterizer.render(scene, r[CAMERA], before=before)
         if seen.region is not None:
             rows, columns = seen.region.rows, seen.region.columns
             runtime.skip("region", f"nothing is seen outside of {columns} x {rows} pixels", 0.0)
@@ -34,4 +38,5 @@ def gbuffer(build: Build) -> Stage:
         return seen
 
     reads = (SCENE, CAMERA, HISTORY) if build.history else (SCENE, CAMERA)
-    return Stage(name="G-buffer", reads=reads, writes=(GBUFFER,), run=run, releases=("ssdo",))
+    foresees = (AO,) if build.params.draws_thickness else ()
+    return Stage(name="G-buffer", reads=reads, writes=(GBUFFER,), foresees=foresees, run=run, releases=("ssdo",))

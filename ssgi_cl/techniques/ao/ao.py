@@ -28,27 +28,16 @@ from ssgi_cl.techniques import presets
 from ssgi_cl.techniques.ao.bitmask import BitmaskAo
 from ssgi_cl.techniques.ao.confidence import with_confidence
 from ssgi_cl.techniques.ao.gtao import Gtao
-from ssgi_cl.techniques.ao.hbao import Hbao
 from ssgi_cl.techniques.ao.occlusion import OcclusionTechnique, prepared_for, surfaces_on_device
 from ssgi_cl.techniques.ao.ssao import Ssao
 from ssgi_cl.techniques.presets.choose import Choice, check_single, reaches, with_layers
-from ssgi_cl.techniques.presets.front import (
-    DRAWN_MS,
-    OVERSCAN,
-    SCENE_LAYERS,
-    SHARE,
-    Option,
-    drawn_options,
-    front,
-    named,
-    options,
-)
+from ssgi_cl.techniques.presets.front import OVERSCAN, SHARE, Option, drawn_options, front, named, options
 from ssgi_cl.techniques.presets.speed_model import predicted_ms
 from ssgi_cl.techniques.radius import sensible_radius
 
 Floats = NDArray[np.float32]
 
-TECHNIQUES: dict[str, type[OcclusionTechnique]] = {each.name: each for each in (Ssao, Hbao, Gtao, BitmaskAo)}
+TECHNIQUES: dict[str, type[OcclusionTechnique]] = {each.name: each for each in (Ssao, Gtao, BitmaskAo)}
 
 FILLED = 0.85
 """Share of a budget that the median of the measured calls may take: single calls take longer or shorter."""
@@ -121,16 +110,17 @@ def ao(
 ) -> Floats | tuple[Floats | Choice, ...]:
     """Compute cosine-weighted ambient occlusion with the technique and the setting that suit a wish.
 
-    The choice is among the recorded settings of `ssao`, `hbao`, `gtao` and `bitmask_ao`: slices, samples,
-    resolution and blur. With a scene and its camera in place of a G-buffer, depth layers and overscan are
-    chosen too.
+    The choice is among the recorded settings of `ssao`, `gtao` and `bitmask_ao`: slices, samples, taps,
+    resolution and blur. With a scene and its camera in place of a G-buffer, depth layers, overscan and
+    whether the ends of solids are drawn are chosen too.
 
     Args:
         gbuffer: depth, and normals if there are any, with any layers and margin.
         radius: distance up to which surfaces occlude, scene units, > 0; by default 5 % of the picture's
             diagonal where surfaces are seen.
-        preset: "low", "medium", "high" or "ultra": the least expected error in at most 1, 2, 4 or 32 times
-            the device time of GTAO's defaults; of a scene, with 1, 2, 4 and 4 layers. By default "medium".
+        preset: "low", "medium", "high" or "ultra": the least expected error in at most 1, 2.25, 4 or 32 times
+            the device time of GTAO's defaults; of a scene, of those and of drawing one layer with overscan. By
+            default "medium".
         error: RMSE against cast rays, > 0: the fastest setting that is expected to err no more. It is a
             geometric mean over recorded scenes: single ones err up to 2.3 times as much.
         budget_ms: milliseconds, > 0, of the wall clock from the call to its result in host memory: uploads,
@@ -169,7 +159,8 @@ def ao(
         choice = _to_error(source, checks.number("error", error, low=0.0, above=True))
     else:
         name = "medium" if preset is None else checks.choice("preset", preset, presets.NAMES)
-        why = f"preset {name!r}: the least expected error in at most {SHARE[name]:g} times the time of GTAO's defaults"
+        drawn = "" if gbuffer is not None else "drawing a layer and "
+        why = f"preset {name!r}: the least expected error in {SHARE[name]:g} times the time of {drawn}GTAO's defaults"
         choice = _choice(source.named(name), source, why)
     found = source.computed(choice)
     results: tuple[Floats | Choice, ...] = (found,)
@@ -209,13 +200,10 @@ class _Source:
 
     def named(self, preset: str) -> Option:
         """Return the option of a preset."""
-        if self.scene is not None:
-            layers = SCENE_LAYERS[preset]
-            return named(preset, layers, OVERSCAN if layers > 1 else 0.0)
-        return named(preset, self.candidates[0].layers, self.candidates[0].overscan)
+        return named(preset, self.candidates, drawn=self.scene is not None)
 
-    def surfaces(self, layers: int, overscan: float, *, thickness: bool = False) -> DeviceGBuffer:
-        """Return the G-buffer in device memory, uploaded or drawn now, with thickness if it is asked for."""
+    def surfaces(self, layers: int, overscan: float, *, thickness: bool) -> DeviceGBuffer:
+        """Return the G-buffer in device memory, uploaded, or drawn now, then with thickness if it is asked for."""
         if self.scene is None or self.camera is None:
             assert self.gbuffer is not None  # noqa: S101  one of both is given
             return surfaces_on_device(self.gbuffer, self.runtime)
@@ -235,7 +223,7 @@ class _Source:
 
     def computed(self, choice: Choice) -> Floats:
         """Return A of the choice's technique."""
-        device = self.surfaces(choice.layers, choice.overscan)
+        device = self.surfaces(choice.layers, choice.overscan, thickness=choice.thickness)
         params = type(choice.params)(**{**choice.parameters, "radius": self.reach(choice, device)})
         return prepared_for(TECHNIQUES[choice.technique], device, params)(device)
 
@@ -255,7 +243,8 @@ def _source(
                     f"{name} is {type(value).__name__}: expected a {kind.__name__}; or gbuffer, in place of scene and "
                     "camera"
                 )
-        candidates = drawn_options()
+        assert scene is not None  # noqa: S101  that is checked above
+        candidates = drawn_options(thickness=device_scene(scene, runtime).has_solids)
     else:
         for name, given in (("scene", scene), ("camera", camera)):
             if given is not None:
@@ -264,7 +253,8 @@ def _source(
         if not isinstance(gbuffer, (GBuffer, DeviceGBuffer)):
             raise TypeError(f"gbuffer is {type(gbuffer).__name__}: expected GBuffer or DeviceGBuffer")
         whole = reaches(gbuffer.margin, gbuffer.size, OVERSCAN)
-        candidates = options(gbuffer.layers, OVERSCAN if whole else 0.0)
+        known = gbuffer.thickness is not None
+        candidates = options(gbuffer.layers, OVERSCAN if whole else 0.0, thickness=known)
     return _Source(
         gbuffer=gbuffer, scene=scene, camera=camera, radius=radius, runtime=runtime, candidates=tuple(candidates)
     )
@@ -279,6 +269,7 @@ def _choice(option: Option, source: _Source, why: str, wall_ms: float | None = N
         parameters=option.parameters,
         layers=option.layers,
         overscan=option.overscan,
+        thickness=option.thickness,
         wall_ms=wall_ms,
         why=why,
     )
@@ -288,7 +279,7 @@ def _to_error(source: _Source, wanted: float) -> Choice:
     """Return the fastest option that is expected to reach an error, by recorded times alone."""
 
     def cost(option: Option) -> float:
-        drawn = 0.0 if source.scene is None else DRAWN_MS[option.layers, option.overscan]
+        drawn = 0.0 if source.scene is None else option.drawn_ms
         return with_layers(option.technique, option.ms, option.layers) + drawn
 
     known = front(source.candidates, cost)
@@ -353,8 +344,9 @@ def _within_budget(source: _Source, budget: float) -> Choice:
         why += "it is the best that is recorded"
     else:
         better, measured = known.options[low], known.wall.get(low)
+        ends = " and thickness" if better.thickness else ""
         time_of_it = f"takes about {known.predicted[low]:.3g} ms" if measured is None else f"took {measured:.3g} ms"
-        why += f"the next better one, {better} with layers={better.layers}, {time_of_it}"
+        why += f"the next better one, {better} with layers={better.layers}{ends}, {time_of_it}"
     return _choice(known.options[place], source, why, took(place))
 
 
@@ -380,10 +372,10 @@ def _measured(source: _Source) -> _Measured:
         key += (given.margin, given.layers, "on the device")
     known = _KNOWN.setdefault(runtime, {})
     if key not in known:
-        sources: dict[tuple[int, float], float] = {}
+        sources: dict[tuple[int, float, bool], float] = {}
 
         def cost(option: Option) -> float:
-            kind = (option.layers, option.overscan)
+            kind = (option.layers, option.overscan, option.thickness)
             if kind not in sources:
                 sources[kind] = _median_ms(lambda: _finished(source, *kind))
             ms = with_layers(option.technique, option.ms, option.layers)
@@ -394,9 +386,9 @@ def _measured(source: _Source) -> _Measured:
     return known[key]
 
 
-def _finished(source: _Source, layers: int, overscan: float) -> None:
+def _finished(source: _Source, layers: int, overscan: float, thickness: bool) -> None:
     """Draw or upload, and wait for it."""
-    source.surfaces(layers, overscan)
+    source.surfaces(layers, overscan, thickness=thickness)
     source.runtime.finish()
 
 

@@ -4,6 +4,7 @@
 each number of depth layers four presets, and the curve of error over time that they lie on, which
 falls on the scenes for tuning and on those for validation; "medium" is the technique's defaults.
 `python -m ssgi_cl.bench.presets TECHNIQUE` records them anew. `ssgi_cl.choose` picks one.
+`front.json` holds what `ssgi_cl.ao` chooses from beside them, see `front`.
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ from ssgi_cl.core.names import Preset
 
 NAMES = get_args(Preset)
 """From the fastest to the best."""
+FRONT = "front.json"
+"""File of the settings that `ssgi_cl.ao` chooses from beside those of techniques."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +55,11 @@ def record(technique: str) -> dict[str, Any]:
         ValueError: it has no presets.
     """
     folder = resources.files(__package__)
-    known = sorted(file.name.removesuffix(".json") for file in folder.iterdir() if file.name.endswith(".json"))
+    known = sorted(
+        file.name.removesuffix(".json")
+        for file in folder.iterdir()
+        if file.name.endswith(".json") and file.name != FRONT
+    )
     if technique not in known:
         raise ValueError(f"{technique!r} has no presets: expected one of {', '.join(known)}")
     document: dict[str, Any] = json.loads((folder / f"{technique}.json").read_text("utf-8"))

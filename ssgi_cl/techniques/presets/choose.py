@@ -38,6 +38,7 @@ class Choice:
         technique: its name.
         parameters: those that were chosen.
         layers, overscan: depth layers of the G-buffer, and its margin as a share of the image where that counts.
+        thickness: whether the G-buffer tells where solids end.
         wall_ms: wall time that calls of `ssgi_cl.ao` took here; None unless a time was asked for.
         why: the reason, in words.
     """
@@ -49,6 +50,7 @@ class Choice:
     parameters: Mapping[str, Any] = field(default_factory=dict)
     layers: int = 1
     overscan: float = 0.0
+    thickness: bool = False
     wall_ms: float | None = None
     why: str = ""
 

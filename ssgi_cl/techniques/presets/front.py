@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, get_args
+from functools import cache
+from importlib import resources
+from typing import Any
 
-from ssgi_cl.core.names import AoTechnique
 from ssgi_cl.techniques import presets
 
-SHARE = {"low": 1.0, "medium": 2.0, "high": 4.0, "ultra": 32.0}
-"""Time of each preset over that of GTAO's defaults with as many layers, at most. From high to ultra is far: only the
-bitmask with many slices errs less than what high is."""
-SCENE_LAYERS = {"low": 1, "medium": 2, "high": 4, "ultra": 4}
-"""Depth layers that each preset draws of a scene."""
+CHOSEN = ("ssao", "gtao", "bitmask_ao")
+"""Techniques that are chosen from. HBAO is none of them: what attenuates with distance errs little where other errors
+happen to be opposite, as in the scenes for tuning, and up to 3.9 times as much as others elsewhere."""
+SHARE = {"low": 1.0, "medium": 2.25, "high": 4.0, "ultra": 32.0}
+"""Time of each preset over that of GTAO's defaults with as many layers, at most; of a scene over that of drawing one
+layer with overscan, and GTAO's defaults. From high to ultra is far: only the bitmask with many slices errs less than
+what high is."""
 OVERSCAN = 0.1
 """Of G-buffers that are drawn, where there is any: that of the records."""
 DRAWN_MS = {(1, 0.0): 2.5, (1, OVERSCAN): 3.3, (2, 0.0): 3.7, (2, OVERSCAN): 5.2, (4, 0.0): 5.9, (4, OVERSCAN): 7.8}
 """(layers, overscan) -> device time of drawing, median over the scenes for tuning, where the records are from and at
 their size: what errors are weighed with, so that the same error gets the same setting everywhere."""
+SCANS = "ssgi-ao-front 1"
+"""Format of the record of further settings."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +38,7 @@ class Option:
         error: expected RMSE against cast rays: the geometric mean over the scenes for tuning or over those for
             validation, whichever is greater.
         ms: recorded device time.
+        thickness: whether the G-buffers tell where solids end.
     """
 
     technique: str
@@ -40,26 +47,67 @@ class Option:
     overscan: float
     error: float
     ms: float
+    thickness: bool = False
 
     def __str__(self) -> str:
         named = ", ".join(f"{key}={value!r}" for key, value in self.parameters.items())
         return f"{self.technique}({named})"
 
+    @property
+    def drawn_ms(self) -> float:
+        """Recorded device time of drawing the G-buffer."""
+        longer = thickness_times(self.layers) if self.thickness else 1.0
+        return DRAWN_MS[self.layers, self.overscan] * longer
 
-def options(layers: int, overscan: float) -> list[Option]:
-    """Return all recorded settings for G-buffers of some layers; with the errors of no overscan unless there is any."""
+
+@cache
+def scans() -> dict[str, Any]:
+    """Return the record of settings beyond those of `presets`, such as scans of every other pixel and known ends of
+    solids; not to be changed. `python -m ssgi_cl.bench.ao_front` records it anew."""
+    document: dict[str, Any] = json.loads((resources.files(presets) / presets.FRONT).read_text("utf-8"))
+    return document
+
+
+def thickness_times(layers: int) -> float:
+    """Return the time of drawing with thickness over that without."""
+    known: dict[str, float] = scans()["drawn"]
+    return known[str(max(int(number) for number in known if int(number) <= layers))]
+
+
+def options(layers: int, overscan: float, *, thickness: bool = False) -> list[Option]:
+    """Return all recorded settings for G-buffers of some layers; with the errors of no overscan unless there is any.
+
+    With `thickness` those that read it are the settings that were recorded with it.
+    """
     found = []
-    for technique in get_args(AoTechnique):
+
+    def add(technique: str, of: Mapping[str, Any], ms: float, *, reads: bool = False) -> None:
+        error = of["error"] if overscan else of["error_cut"]
+        error *= max(1.0, of["validation"] / of["error"])
+        found.append(Option(technique, of["parameters"], layers, overscan, error, ms, reads))
+
+    for technique in CHOSEN:
+        if thickness and technique == "bitmask_ao":
+            continue
         for setting in presets.curve(technique, layers):
-            error = setting.error if overscan else setting.error_cut
-            error *= max(1.0, setting.validation / setting.error)
-            found.append(Option(technique, setting.parameters, layers, overscan, error, setting.ms))
+            add(technique, vars(setting), setting.ms)
+    recorded = [each for each in scans()["settings"] if each["layers"] <= layers]
+    nearest = max(each["layers"] for each in recorded)
+    usual = presets.recorded_for("gtao", layers)["default"]["ms"]
+    for each in recorded:
+        reads = thickness and each["technique"] == "bitmask_ao"
+        if each["layers"] == nearest and each["thickness"] == reads:
+            add(each["technique"], each, each["times"] * usual, reads=reads)
     return found
 
 
-def drawn_options() -> list[Option]:
-    """Return all recorded settings with each number of layers and overscan that a scene may be drawn with."""
-    return [option for layers, overscan in DRAWN_MS for option in options(layers, overscan)]
+def drawn_options(*, thickness: bool) -> list[Option]:
+    """Return all recorded settings with each number of layers and overscan that a scene may be drawn with, with
+    `thickness` also those with known ends of solids."""
+    found = [option for kind in DRAWN_MS for option in options(*kind)]
+    if thickness:
+        found += [option for kind in DRAWN_MS for option in options(*kind, thickness=True) if option.thickness]
+    return found
 
 
 def front(found: Iterable[Option], cost: Callable[[Option], float]) -> list[Option]:
@@ -71,8 +119,13 @@ def front(found: Iterable[Option], cost: Callable[[Option], float]) -> list[Opti
     return result
 
 
-def named(preset: str, layers: int, overscan: float) -> Option:
-    """Return the option of a preset: the least error within its share of the time of GTAO's defaults."""
-    usual = presets.recorded_for("gtao", layers)["default"]["ms"]
-    fast = [option for option in options(layers, overscan) if option.ms <= SHARE[preset] * usual]
-    return min(fast, key=lambda option: (option.error, option.ms))
+def named(preset: str, found: Sequence[Option], *, drawn: bool = False) -> Option:
+    """Return the option of a preset, of those for one kind of G-buffers, or with `drawn` of those for all kinds: the
+    least error within its share of time."""
+
+    def ms(option: Option) -> float:
+        return option.ms + (option.drawn_ms if drawn else 0.0)
+
+    usual: float = presets.recorded_for("gtao", 1 if drawn else found[0].layers)["default"]["ms"]
+    most = SHARE[preset] * (usual + (DRAWN_MS[1, OVERSCAN] if drawn else 0.0))
+    return min((each for each in found if ms(each) <= most), key=lambda each: (each.error, ms(each)))

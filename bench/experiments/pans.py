@@ -1,7 +1,8 @@
 """Slow pans as test cases for whole frames: flicker, FLIP and RMSE of each frame, with a history and without.
 
 A command of its own for any scene: `python -m ssgi_cl.bench.experiments.pans --help`. The reference of a frame is the
-mean of `--samples` frames of other patterns, which has the technique's bias and little of its noise. With `--paths`
+mean of `--samples` frames of other patterns, which has the technique's bias and little of its noise (of scenes that
+move over four sets of surfels). With `--paths`
 FLIP is against path-traced frames too.
 """
 
@@ -23,6 +24,7 @@ from ssgi_cl.bench.wording import NOTHING, markdown
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.lights import Light
+from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.render import render
@@ -42,6 +44,8 @@ TURN = np.radians(0.35)
 """By which the camera turns in a frame: about a pixel of 240 columns."""
 FIRST = 8
 """Frame from which on figures count: a history has begun by then."""
+ORDERS = 4
+"""Of triangles, of which scenes that move have surfels in a reference."""
 METHODS = ("one frame", "history")
 HEAD = ("scene", "method", "flicker", "pops, %", "FLIP", "FLIP, paths", "RMSE", "ms")
 
@@ -101,13 +105,33 @@ def filmed(shots: Sequence[Shot], runtime: Runtime) -> tuple[dict[str, list[Imag
 
 
 def references(shots: Sequence[Shot], samples: int, runtime: Runtime) -> list[Image]:
-    """Return the reference of each frame."""
-    return [
-        render(
-            shot.scene, shot.camera, shot.lights, samples=samples, exposure=1.0, outputs=("radiance",), runtime=runtime
-        ).radiance
-        for shot in shots
-    ]
+    """Return the reference of each frame from `FIRST` on; of others black images.
+
+    Where scenes differ from frame to frame each has other surfels, whose noise is to be little, too: the reference is
+    then a mean over `ORDERS` of the scene's triangles, so many samples of each.
+    """
+    moves = any(shot.scene is not shots[0].scene for shot in shots)
+    orders = ORDERS if moves else 1
+
+    def reference(shot: Shot) -> Image:
+        found = []
+        for order in range(orders):
+            scene = shuffled(shot.scene, order) if moves else shot.scene
+            frame = render(
+                scene, shot.camera, shot.lights, samples=samples, exposure=1.0, outputs=("radiance",), runtime=runtime
+            )
+            found.append(frame.radiance)
+        return np.asarray(np.mean(found, axis=0), np.float32)
+
+    begin = min(FIRST, len(shots) - 2)
+    black = np.zeros((*shots[0].camera.size, 3), np.float32)
+    return [reference(shot) if number >= begin else black for number, shot in enumerate(shots)]
+
+
+def shuffled(scene: Scene, seed: int) -> Scene:
+    """Return a scene with its triangles in another order."""
+    order = np.random.default_rng(seed).permutation(len(scene.triangles))
+    return replace(scene, triangles=scene.triangles[order], material_ids=scene.material_ids[order])
 
 
 def traced(shots: Sequence[Shot], paths: int) -> list[Image]:
@@ -210,7 +234,7 @@ def table(
         stem = name if is_scene(name) else Path(name).stem
         lines += rows(stem, measured(images, wanted, gbuffers, runtime, truth), ms)
         if folder is not None:
-            _write(folder, stem.replace(" ", "-"), {**images, "reference": wanted}, auto_exposure(wanted[0]), runtime)
+            _write(folder, stem.replace(" ", "-"), {**images, "reference": wanted}, auto_exposure(wanted[-1]), runtime)
     return "\n".join(markdown(HEAD, lines, "ll" + 6 * "r"))
 
 

@@ -7,8 +7,13 @@
 // of ten in the error of the runs.
 // Reads:   lights   [segments][params.span][TREE_RECORD], see vpl/vpl_splat.cl; with `parts` 16
 //                   behind them are their parts, which light what is near in their place
+//          axes     [segments][params.stride] with CLUSTER_AXES 2: axis of each light
 // Writes:  records  [segments][tree_first(params.stride, 4)][TREE_RECORD] of which the lights'
 //          bounds   [segments][tree_first_bound(params.stride, 4)] likewise
+//          axes     with CLUSTER_AXES 1; those of lights that come later are 5, so that none is put
+//                   before another
+// Macros:  CLUSTER_AXES: 0; 1: axes are kept; 2: lights go by axes that were kept, as they come and
+//          turn: one that changed its place would change all runs behind it
 // Params:  lights of all segments: total; VplParams of the first segment
 // Launch:  a work-group of SSGI_GROUP work-items for each segment, each for as many lights, one
 // after
@@ -22,6 +27,10 @@
 #error "ssgi_cl/device/constants.py defines SSGI_GROUP"
 #endif
 
+#ifndef CLUSTER_AXES
+#error "CLUSTER_AXES must be defined by the host"
+#endif
+
 // 0 to 5: the axis nearest to a direction, and its sign. No two axes are weighed alike: a camera
 // often looks along a diagonal of a room, whose walls must not be torn by rounding.
 static inline int cluster_axis(__global const float *restrict way)
@@ -32,8 +41,12 @@ static inline int cluster_axis(__global const float *restrict way)
 }
 
 __kernel void cluster_order(__global const float *restrict lights, __global float *restrict records,
-                            __global float *restrict bounds, const int2 size,
-                            const VplParams params, const int total, const int parts)
+                            __global float *restrict bounds,
+#if CLUSTER_AXES
+                            __global int *restrict axes,
+#endif
+                            const int2 size, const VplParams params, const int total,
+                            const int parts)
 {
     __local int counts[6][SSGI_GROUP]; // of lights by axis, of each work-item
     __local int places[6][SSGI_GROUP]; // where its next light of an axis goes
@@ -50,9 +63,25 @@ __kernel void cluster_order(__global const float *restrict lights, __global floa
     for (int axis = 0; axis < 6; ++axis) {
         counts[axis][item] = 0;
     }
+#if CLUSTER_AXES
+    axes += segment * stride;
+#endif
     for (int i = begin; i < min(end, count); ++i) {
-        counts[cluster_axis(lights + i * TREE_RECORD + 4)][item] += 1;
+#if CLUSTER_AXES == 2
+        const int axis = axes[i];
+#else
+        const int axis = cluster_axis(lights + i * TREE_RECORD + 4);
+#endif
+#if CLUSTER_AXES == 1
+        axes[i] = axis;
+#endif
+        counts[axis][item] += 1;
     }
+#if CLUSTER_AXES == 1
+    for (int i = max(begin, count); i < min(begin + share, stride); ++i) {
+        axes[i] = 5;
+    }
+#endif
     barrier(CLK_LOCAL_MEM_FENCE);
     int before = 0;
     for (int axis = 0; axis < 6; ++axis) {
@@ -67,7 +96,11 @@ __kernel void cluster_order(__global const float *restrict lights, __global floa
         __global const float *restrict light = lights + i * TREE_RECORD;
         int to = i;
         if (i < count) {
+#if CLUSTER_AXES
+            const int axis = axes[i];
+#else
             const int axis = cluster_axis(light + 4);
+#endif
             to = places[axis][item];
             places[axis][item] = to + 1;
         }

@@ -49,7 +49,7 @@ radiosity_rays(__global const float *restrict points, __global const float *rest
     const vfloat zero = v_splat(0.0f);
     const SurfacePoint at = surface_point(points, stride, first, lift);
     const Hemisphere frame = hemisphere_of(at.nx, at.ny, at.nz);
-    const vint tile = (v_iota() + first) & (HEMISPHERE_TILE - 1);
+    const vint tile = v_floor_to_int(v_load(points + POINT_TILE * stride + first));
     vfloat sum[3] = {zero, zero, zero};
     for (int i = 0; i < rays; ++i) {
         vfloat way[3];

@@ -19,6 +19,7 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.history import DeviceHistory
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.skips import same
+from ssgi_cl.techniques.radiosity.surfel_history import SurfelHistory
 from ssgi_cl.techniques.temporal.accumulate import Accumulate, AccumulateParams
 
 PATTERN = 4
@@ -180,14 +181,20 @@ class FrameHistory:
     Attributes:
         limit: as given.
         number: frames since it began.
+        pattern: number of the place of patterns of samples: it stays where surfaces or lights are others than in the
+            frame before, so that no difference between patterns is taken for a change of light.
+        surfels: that follow the scene's triangles.
     """
 
     def __init__(self, limit: int = AccumulateParams.limit) -> None:
         self.limit = AccumulateParams(limit=limit).limit
-        self.number = 0
+        self.number = self.pattern = 0
+        self.surfels = SurfelHistory()
         self._latest: _Latest | None = None
         self._gbuffer: DeviceGBuffer | None = None
         self._parts: dict[str, _Part] = {}
+        self._drawn = 0  # pattern of the latest frame
+        self._lights: tuple[Light, ...] = ()  # that it was asked for with
         self._since = 0  # frames since lights or surfaces changed
         self._serial = 0
 
@@ -198,7 +205,8 @@ class FrameHistory:
 
     def reset(self) -> None:
         """Begin anew with the next frame, as after a cut."""
-        self.number = 0
+        self.number = self.pattern = 0
+        self.surfels = SurfelHistory()
         self._forget()
 
     def _forget(self) -> None:
@@ -208,9 +216,13 @@ class FrameHistory:
         for part in self._parts.values():
             part.history = None
 
-    def shown(self, size: Size) -> Shown:
-        """Return where a picture of `size` lies in the image of the next frame."""
-        return Shown.of(self.number, size)
+    def shown(self, size: Size, scene: Scene, lights: Sequence[Light]) -> Shown:
+        """Return where a picture of `size` lies in the image of the next frame; set `pattern`."""
+        latest, given = self._latest, tuple(lights)
+        if latest is not None and latest.scene is scene and same(self._lights, given):
+            self.pattern = self._drawn + 1
+        self._lights = given
+        return Shown.of(self.pattern, size)
 
     def before(self, scene: Scene) -> tuple[Scene, Camera] | None:
         """Return the scene and the camera of the frame before if surfaces may have moved since; else None."""
@@ -245,7 +257,9 @@ class FrameHistory:
         relit = latest is not None and not same(latest.lights, lights)
         if latest is None or relit or latest.scene is not scene:
             self._since = 0
-        stands = latest is not None and _same_place(latest.camera, seen.camera)
+        if relit:
+            self.surfels.order.forget()
+        still = latest is not None and latest.scene is scene and _same_place(latest.camera, seen.camera)
         self._latest = None
         groups = {"": {name: plane for name, plane in planes.items() if name not in apart}}
         groups |= {name: {name: planes[name]} for name in apart if name in planes}
@@ -255,12 +269,13 @@ class FrameHistory:
                 part = self._part(group, own, seen)
                 if apart.get(group, False) and self._since == 0:
                     part.history = None
-                limit = self.limit if stands else min(self.limit, MOVING_DIRECT if group else MOVING)
+                limit = self.limit if still else min(self.limit, MOVING_DIRECT if group else MOVING)
                 sigma = RELIT if relit else AccumulateParams.clamp_sigma
                 holds = self._since < AccumulateParams.fast and not apart.get(group, False)
                 found |= part.add(own, seen, surfaces, limit, sigma if holds else None)
         self._keep(seen)
-        shown = Shown.of(self.number, (seen.size[0] - PAD, seen.size[1] - PAD))
+        shown = Shown.of(self.pattern, (seen.size[0] - PAD, seen.size[1] - PAD))
+        self._drawn = self.pattern
         self._latest = _Latest(seen.camera, scene, lights, shown)
         self._since += 1
         self._serial += 1

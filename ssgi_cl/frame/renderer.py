@@ -152,7 +152,7 @@ class Renderer:
             return self._record
         given = [of.SCENE, of.CASTING, of.CAMERA, of.LIGHTS, of.SKY, of.MULTI_BOUNCE, of.AO_PARAMS, of.INDIRECT_PARAMS]
         if self.history is not None:
-            given.append(of.HISTORY)
+            given += [of.HISTORY, of.SURFEL_HISTORY]
         return self._graph.planned(given, self._wanted(PICTURE))
 
     def _wanted(self, outputs: frozenset[str]) -> set[str]:
@@ -210,7 +210,7 @@ class Renderer:
         if history is not None:
             if camera.size != self.size:
                 raise ValueError(f"camera has size {camera.size} (rows, columns): expected {self.size}")
-            shown = history.shown(self.size)
+            shown = history.shown(self.size, scene, lights)
             camera = shown.camera(camera)
         names = PICTURE if params.outputs is None else frozenset(params.outputs)
         planes = names & PLANES if params.outputs is not None else PLANES
@@ -225,9 +225,9 @@ class Renderer:
         with self.runtime.frame(self._graph.costs):
             given = self._given(scene, camera, lights, params, radius)
             if history is not None:
-                given[of.HISTORY] = history
+                given |= {of.HISTORY: history, of.SURFEL_HISTORY: history.surfels}
                 if isinstance(given[of.AO_PARAMS], SliceParams):  # slices turn on from frame to frame
-                    given[of.AO_PARAMS] = replace(given[of.AO_PARAMS], frame=history.number % TURNS)
+                    given[of.AO_PARAMS] = replace(given[of.AO_PARAMS], frame=history.pattern % TURNS)
             run = self._graph.run(given, self._wanted(names), also, tell)
             self._record, made, seen = run.record, run.values, run.values[of.GBUFFER]
             visibility, irradiance = (made.get(name) if name in also else None for name in (occlusion, reflected))

@@ -198,6 +198,36 @@ def test_a_thing_that_moves_keeps_its_history_and_leaves_no_shadow_behind(runtim
     assert off.mean() < 0.03
 
 
+def test_patterns_stay_while_things_move_or_lights_change(runtime: Runtime) -> None:
+    history, patterns = gi.FrameHistory(), []
+    lifted = np.eye(4)
+    lifted[1, 3] = 1e-3
+    other = moved(BOX.scene, lifted, vertices=np.arange(len(BOX.scene.positions)) >= len(BOX.scene.positions) - 8)
+    dimmed = [gi.SpotLight((0.1, 0.9, 0.1), (0.0, -1.0, 0.0), 0.7, (2.0, 2.0, 2.0))]
+    for scene, lights in (
+        (BOX.scene, BOX.lights), (BOX.scene, BOX.lights), (other, BOX.lights), (BOX.scene, BOX.lights),
+        (BOX.scene, BOX.lights), (BOX.scene, dimmed), (BOX.scene, dimmed),
+    ):  # fmt: skip
+        gi.render(scene, camera(), lights, history=history, runtime=runtime, **FAST)
+        patterns.append(history.pattern)
+    assert patterns == [0, 1, 1, 1, 2, 2, 3]
+    assert history.number == 7
+
+
+def test_light_of_a_thing_that_hardly_moves_is_steadier_than_without_a_history(runtime: Runtime) -> None:
+    chosen = np.arange(len(BOX.scene.positions)) >= len(BOX.scene.positions) - 8
+    history, frames = gi.FrameHistory(), {True: [], False: []}
+    for number in range(4):
+        stretched = np.eye(4)
+        stretched[0, 0] = 1.0 + 1e-3 * number
+        scene = moved(BOX.scene, stretched, vertices=chosen)
+        for steady, found in frames.items():
+            given = {"history": history} if steady else {}
+            found.append(gi.render(scene, camera(), BOX.lights, runtime=runtime, **given, **FAST).indirect)
+    change = {steady: np.abs(found[3] - found[2]).mean() for steady, found in frames.items()}
+    assert change[True] < 0.5 * change[False]
+
+
 @pytest.mark.parametrize(
     ("given", "error", "message"),
     [

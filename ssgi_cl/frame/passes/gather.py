@@ -13,9 +13,10 @@ from ssgi_cl.techniques.filters.bilateral import Bilateral, BilateralParams
 from ssgi_cl.techniques.multires.multires_splat import MultiresSplat, MultiresSplatParams
 from ssgi_cl.techniques.occupancy.occupancy_grid import MOST_CELLS, Occupancy
 from ssgi_cl.techniques.occupancy.scene_rays import rays_carry_first_bounce, rays_meet_triangles
+from ssgi_cl.techniques.radiosity.surfel_history import STEADY_LIGHTS
 
 SURFEL_CAPACITY = 3
-"""Most lights that radiosity returns, as a multiple of the surfels asked for."""
+"""Most lights that radiosity returns, as a multiple of the surfels asked for; of a sequence `STEADY_LIGHTS`."""
 GRAIN = BilateralParams(radius=4, sigma=3.0)
 """The blur of what rays find of sunlit patches, where no lights carry it: points of small surfaces have few rays.
 FLIP of hall falls from .130 to .125, that of workshop stays."""
@@ -31,7 +32,7 @@ def gather(build: Build) -> Stage:
         MultiresSplatParams(
             vpls=whole.vpls, visibility=True, grid=MOST_CELLS, interpolation_error=whole.error, light_error=whole.error
         ),
-        surfels=SURFEL_CAPACITY * whole.surfels,
+        surfels=(STEADY_LIGHTS if build.history else SURFEL_CAPACITY) * whole.surfels,
         rays=whole.rays,
     )
     smooth = cache(lambda: Bilateral(runtime, build.size, GRAIN, 3))
@@ -48,15 +49,17 @@ def gather(build: Build) -> Stage:
             surfels=None if exact else r[of.SURFELS],
             even=r[of.EVEN_LIGHT] if exact else None,
             other_light=[plane for plane in (r[of.SKY_LIGHT], r[of.DIRECT]) if plane is not None],
+            order=r[of.SURFEL_HISTORY].order if build.history else None,
         )
         blocked = found.occupancy
         if blocked is None and seen.mirrors:
             blocked = splat.block(seen, casting)
         return smooth().run(seen, found.irradiance) if by_rays else found.irradiance, blocked
 
+    earlier = (of.SURFEL_HISTORY,) if build.history else ()
     return Stage(
         name="bounce",
-        reads=(of.GBUFFER, of.CASTING, of.LIGHTS, of.SURFELS, of.EVEN_LIGHT, of.SKY_LIGHT, of.DIRECT),
+        reads=(of.GBUFFER, of.CASTING, of.LIGHTS, of.SURFELS, of.EVEN_LIGHT, of.SKY_LIGHT, of.DIRECT, *earlier),
         hints=(of.RSM,),
         writes=(of.INDIRECT, of.OCCUPANCY),
         run=run,

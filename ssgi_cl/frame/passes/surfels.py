@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ssgi_cl.frame.passes.build import Build
-from ssgi_cl.frame.passes.resources import CASTING, EVEN_LIGHT, LIGHT_VOLUME, LIGHTS, RSM, SURFELS
+from ssgi_cl.frame.passes.resources import CASTING, EVEN_LIGHT, LIGHT_VOLUME, LIGHTS, RSM, SURFEL_HISTORY, SURFELS
 from ssgi_cl.frame.stage import Declared, Stage
 from ssgi_cl.techniques.radiosity.radiosity import Radiosity, RadiosityLight, RadiosityParams
 
@@ -15,8 +15,13 @@ def surfels(build: Build) -> Stage:
 
     def run(r: Declared) -> RadiosityLight:
         maps = r[RSM]
-        return radiosity.run(r[CASTING], r[LIGHTS], rsms=[] if maps is None else [maps])
+        history = r[SURFEL_HISTORY] if build.history else None
+        return radiosity.run(r[CASTING], r[LIGHTS], rsms=[] if maps is None else [maps], history=history)
 
     return Stage(
-        name="radiosity", reads=(CASTING, LIGHTS), hints=(RSM,), writes=(SURFELS, LIGHT_VOLUME, EVEN_LIGHT), run=run
+        name="radiosity",
+        reads=(CASTING, LIGHTS, *((SURFEL_HISTORY,) if build.history else ())),
+        hints=(RSM,),
+        writes=(SURFELS, LIGHT_VOLUME, EVEN_LIGHT),
+        run=run,
     )

@@ -32,6 +32,7 @@ from ssgi_cl.techniques.occupancy.occupancy_grid import Occupancy, OccupancyGrid
 from ssgi_cl.techniques.occupancy.scene_rays import SceneRays
 from ssgi_cl.techniques.radiosity.even_light import EvenLight
 from ssgi_cl.techniques.technique import Bench, Technique
+from ssgi_cl.techniques.vpl.kept_order import KeptOrder
 from ssgi_cl.techniques.vpl.packed_vpls import DeviceVpls, VplChooser, power_of_two
 from ssgi_cl.techniques.vpl.tile_boxes import BOX, bound_tiles, tiles_of
 from ssgi_cl.techniques.vpl.view_importance import ViewImportance
@@ -220,6 +221,7 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
         other_light: Sequence[Plane] = (),
         blockers: Scene | None = None,
         even: EvenLight | None = None,
+        order: KeptOrder | None = None,
     ) -> Gathered:
         """Queue the passes; return irradiance, and what blocked light.
 
@@ -233,6 +235,7 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
                 place of the grid's cells, and lights are chosen without `importance`.
             even: with `blockers`, more light of its surfaces, such as `Radiosity` returns: rays find what is the same
                 all over (see `FinalGather`), the rest is that of lights. `surfels` is None.
+            order: of the lights in the frame before, in a sequence; it is changed.
 
         Raises:
             ValueError: the G-buffer is empty or has another size, there are too many lights, `blockers` is given
@@ -272,7 +275,7 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
             rays = SceneRays(self.runtime, blockers, camera.view, self._lights.unit)
             if final is not None and even is not None:
                 final.enter(blockers, even.volume, camera)
-        tree.update()
+        tree.update(order)
         values = {"cutoff": params.scaled_cutoff(self._lights.unit), "refine": params.refine}
         for level in chain([coarsest], levels):
             if final is not None and rays is not None:

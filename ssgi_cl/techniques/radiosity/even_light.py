@@ -25,9 +25,12 @@ class EvenLight(NamedTuple):
     """What some send beyond it; None where none does."""
 
 
-def even_and_bright(vpls: Vpls, hidden: NDArray[np.bool_] | None = None) -> tuple[NDArray[np.float64], Vpls]:
+def even_and_bright(
+    vpls: Vpls, hidden: NDArray[np.bool_] | None = None, *, all_lights: bool = False
+) -> tuple[NDArray[np.float64], Vpls]:
     """Return the flux [parts, 3] that the parts of lights send up to an exitance of `EVEN` means of all, and lights
-    that send the rest.
+    that send the rest; with `all_lights` those that have no rest too, so that they keep their places from frame to
+    frame.
 
     Both have the colours of the light given, of which they are the sum but for what parts that are `hidden` [parts]
     send beyond that: a ray to the middle of their light does not tell what hides them.
@@ -40,7 +43,7 @@ def even_and_bright(vpls: Vpls, hidden: NDArray[np.bool_] | None = None) -> tupl
     rest = (parts.flux - even).reshape(-1, PARTS, 3)
     if hidden is not None:
         rest[hidden.reshape(-1, PARTS)] = 0.0
-    chosen = rest.any(axis=(1, 2))
+    chosen = rest.any(axis=(1, 2)) | all_lights
     own = np.repeat(chosen, PARTS)
     few = Vpls(parts.position[own], parts.normal[own], rest[chosen].reshape(-1, 3), parts.area[own])
     bright = Vpls(vpls.position[chosen], vpls.normal[chosen], rest[chosen].sum(axis=1), vpls.area[chosen], few)

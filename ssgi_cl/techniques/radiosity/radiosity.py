@@ -25,6 +25,7 @@ from ssgi_cl.techniques.occupancy.scene_rays import rays_carry_first_bounce, ray
 from ssgi_cl.techniques.radiosity.even_light import EvenLight, even_and_bright
 from ssgi_cl.techniques.radiosity.light_volume import CELLS, LightVolume, Pieces, SurfaceCells
 from ssgi_cl.techniques.radiosity.sky_directions import sky_directions
+from ssgi_cl.techniques.radiosity.surfel_history import STEADY_LIGHTS, SurfelHistory
 from ssgi_cl.techniques.radiosity.surfel_rays import SurfelRays, open_shares
 from ssgi_cl.techniques.radiosity.surfels import Surfels
 from ssgi_cl.techniques.radiosity.surfels_on_device import DeviceSurfels
@@ -148,6 +149,8 @@ class Radiosity(Prepared[RadiosityParams]):
         self._chooser = VplChooser(runtime, (self._maps,))
         self._rays: SurfelRays | None = None
         self._scene: object = None
+        self._key: object = None  # of the scene
+        self._history = SurfelHistory()
         self._dark: frozenset[int] | None = None
         self._lit: object = None
         self._result: RadiosityLight | None = None
@@ -160,13 +163,21 @@ class Radiosity(Prepared[RadiosityParams]):
         """Those of the latest scene."""
         return self._device.surfels
 
-    def run(self, scene: Scene, lights: Sequence[Light], *, rsms: Sequence[DeviceRsm] = ()) -> RadiosityLight:
+    def run(
+        self,
+        scene: Scene,
+        lights: Sequence[Light],
+        *,
+        rsms: Sequence[DeviceRsm] = (),
+        history: SurfelHistory | None = None,
+    ) -> RadiosityLight:
         """Return the light that surfaces send. Waits for the device if it computes.
 
         Args:
             scene: what is lit.
             lights: of which environments count; the others are in `rsms`.
             rsms: reflective shadow maps of the other lights.
+            history: of a sequence in which surfaces move; it is changed.
 
         Raises:
             ValueError: with bounces="all", surfaces that are closed in absorb too little of the
@@ -176,17 +187,18 @@ class Radiosity(Prepared[RadiosityParams]):
         # Of maps whose lights are not given, each knows its own.
         punctual = [light for light in lights if not isinstance(light, Environment)] if rsms else []
         punctual = punctual or [rsm.light for rsm in rsms if rsm.light is not None]
-        lit = (scene.key, environments, tuple(punctual), tuple(rsms), tuple(rsm.version for rsm in rsms))
+        lit = (scene.key, history, environments, tuple(punctual), tuple(rsms), tuple(rsm.version for rsm in rsms))
         if self._result is not None and lit == self._lit:
             self.runtime.skip("radiosity", "scene and lights are the same")
             return self._result
         # Should anything fail, nothing is kept.
         self._lit = self._result = None
         device = self._device
-        if self._scene is not scene.key:
+        if self._scene != (scene.key, history):
             self._scene = self._dark = None
-            device.enter(scene)
-            self._scene = scene.key
+            self._history = history or SurfelHistory()
+            device.enter(scene, self._history)
+            self._scene, self._key = (scene.key, history), scene.key
         records = None
         if rsms:
             self._chooser.place(rsms, device.camera, kinds=1, unit=device.unit)
@@ -203,7 +215,7 @@ class Radiosity(Prepared[RadiosityParams]):
     def _place(self, scene: Scene, dark: frozenset[int], records: Floats | None) -> None:
         """Make the surfels of a scene, the cells that they lie in, and what their rays meet."""
         runtime, device, exact = self.runtime, self._device, rays_meet_triangles(scene)
-        device.fill(scene, self.params.surfels * (BY_RAYS if exact else 1), dark)
+        device.fill(scene, self.params.surfels * (BY_RAYS if exact else 1), dark, self._history)
         low, extent = device.camera.position - device.half, 2.0 * device.half
         surfels = device.surfels
         pieces = _parts(surfels) if len(surfels) or records is None else self._of_maps(records)[0]
@@ -245,7 +257,8 @@ class Radiosity(Prepared[RadiosityParams]):
         gathered = everything if self._first_by_rays else reflected
         if self._rays is None or not gathered.flux.any():
             return RadiosityLight(made, volume, None)
-        even, bright = even_and_bright(gathered, self._hidden)
+        steady = self._history.moves and len(surfels) <= STEADY_LIGHTS * self.params.surfels
+        even, bright = even_and_bright(gathered, self._hidden, all_lights=steady)
         few = self._on_device(bright) if len(bright) else None
         return RadiosityLight(made, volume, EvenLight(cells().light(even), few))
 
@@ -264,11 +277,14 @@ class Radiosity(Prepared[RadiosityParams]):
         weight = surfels.part_area[:, None] * surfels.part_albedo
 
         def bounce(number: int, before: Doubles) -> Doubles:
-            if number == 1:
+            if number == 1 and known is None:
                 return source
             return source + rays.bounce(self._cells().light(weight * before))
 
-        return self._bounced(weight, bounce), direct
+        known = self._history.known(surfels, self._key) if self.params.bounces == "all" else None
+        received = self._bounced(weight, bounce, known)
+        self._history.keep(surfels, self._key, received)
+        return received, direct
 
     def _by_pairs(self, ways: Doubles, solid: Doubles, radiance: Doubles, records: Floats | None) -> Doubles:
         """Return irradiance [parts, 3] after all bounces, that of punctual lights from their maps."""
@@ -300,15 +316,18 @@ class Radiosity(Prepared[RadiosityParams]):
         place = rows[:, :3] * device.unit @ turn + device.camera.position
         return Pieces(place, -rows[:, 4:7] @ turn, rows[:, 3] * device.unit**2), rows[:, 8:11] * watts
 
-    def _bounced(self, weight: Doubles, bounce: Callable[[int, Doubles], Doubles]) -> Doubles:
+    def _bounced(
+        self, weight: Doubles, bounce: Callable[[int, Doubles], Doubles], known: Doubles | None = None
+    ) -> Doubles:
         """Return irradiance [n, 3] after as many bounces as the parameters say.
 
         Args:
             weight: [n, 3] what of it counts for the flux.
             bounce: returns irradiance after so many bounces from that after one less.
+            known: irradiance [n, 3] near to that of all bounces, to begin with.
         """
         wanted = self.params.bounces
-        before, change = np.zeros(weight.shape), math.inf
+        before, change = np.zeros(weight.shape) if known is None else known, math.inf
         for number in range(1, (MOST_BOUNCES if wanted == "all" else int(wanted)) + 1):
             received = bounce(number, before)
             self.bounces = number

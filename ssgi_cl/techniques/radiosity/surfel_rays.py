@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.hemisphere import hemisphere_ways
+from ssgi_cl.core.hemisphere import TILE, hemisphere_ways
 from ssgi_cl.core.lights import DirectionalLight, PunctualLight, SpotLight, light_extent
 from ssgi_cl.core.sampling import r_points
 from ssgi_cl.core.scene import Scene, mean_emission
@@ -65,13 +65,16 @@ def _points(scene: Scene, surfels: Surfels) -> NDArray[np.float32]:
     """Return the parts of surfels as kernels/radiosity/points.clh says."""
     count = len(surfels.part_area)
     stride = -(-count // ROW) * ROW
-    points = np.zeros((8, stride), np.float32)
+    points = np.zeros((9, stride), np.float32)
     points[5] = 1.0
     points[:3, :count] = (surfels.part_position + (surfels.origin - scene.origin)).T
     points[3:6, :count] = surfels.part_normal.T
-    place = r_points(0, stride, 2)
+    number = np.arange(stride)
+    number[:count] = surfels.part_number
+    place = r_points(0, int(number.max()) + 1, 2)[number]
     ring, turn = np.sqrt(place[:, 0]), 2.0 * math.pi * place[:, 1]
-    points[6:] = ring * np.cos(turn), ring * np.sin(turn)
+    points[6:8] = ring * np.cos(turn), ring * np.sin(turn)
+    points[8] = number % (TILE * TILE)
     return points
 
 
@@ -199,7 +202,10 @@ class SurfelRays:
         power = surfels.part_area * (surfels.part_emission @ LUMINANCE)
         emitting = np.flatnonzero(power)
         ends = np.cumsum(power[emitting])
-        wanted = np.mod(r_points(0, self._stride, 1)[:, 0] + np.arange(PLACES)[:, None] / PLACES, 1.0)
+        number = np.arange(self._stride)
+        number[: self._count] = surfels.part_number
+        first = r_points(0, int(number.max()) + 1, 1)[number, 0]
+        wanted = np.mod(first + np.arange(PLACES)[:, None] / PLACES, 1.0)
         number = np.searchsorted(ends, wanted * ends[-1], "right")
         drawn: NDArray[np.int32] = emitting.astype(np.int32)[np.minimum(number, len(emitting) - 1)]
         return drawn

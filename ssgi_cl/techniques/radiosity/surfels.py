@@ -40,6 +40,9 @@ class Surfels:
         emission: [count, 3] float64, W m^-2 sr^-1.
         part_position, part_normal, part_area, part_albedo, part_emission: [PARTS count, ...] of
             the parts, those of a surfel one after the other, nearest to its position first.
+        part_triangle: [PARTS count] the triangle of the scene that a part lies on.
+        part_weights: [PARTS count, 3] float64, of the triangle's vertices in its position.
+        part_number: [PARTS count] numbers that parts keep when others are left out or they move.
     """
 
     origin: Doubles
@@ -53,6 +56,9 @@ class Surfels:
     part_area: Doubles
     part_albedo: Doubles
     part_emission: Doubles
+    part_triangle: NDArray[np.intp]
+    part_weights: Doubles
+    part_number: NDArray[np.intp]
 
     def __len__(self) -> int:
         return len(self.area)
@@ -61,8 +67,17 @@ class Surfels:
     def none(cls, origin: Doubles | None = None) -> Surfels:
         """Return no surfel."""
         rows = np.zeros((0, 3))
-        lines = [rows, rows, np.zeros(0), rows, rows]
-        return cls(np.zeros(3) if origin is None else origin, *lines, *lines)
+        values = {"position": rows, "normal": rows, "area": np.zeros(0), "albedo": rows, "emission": rows}
+        of_parts: dict[str, Any] = {f"part_{name}": none for name, none in values.items()}
+        none = np.zeros(0, np.intp)
+        return cls(
+            origin=np.zeros(3) if origin is None else origin,
+            **values,
+            **of_parts,
+            part_triangle=none,
+            part_weights=rows,
+            part_number=none,
+        )
 
     def centred(self, part: NDArray[np.intp]) -> Surfels:
         """Return the surfels with the positions of their parts of numbers `part` [count].
@@ -72,7 +87,7 @@ class Surfels:
         first = np.arange(len(self)) * PARTS
         order = np.arange(PARTS * len(self))
         order[first], order[first + part] = first + part, first
-        moved = {f"part_{name}": getattr(self, f"part_{name}")[order] for name in _OWN}
+        moved = {name: getattr(self, name)[order] for name in _OF_PARTS}
         return replace(self, position=moved["part_position"][::PARTS], **moved)
 
     def mean_of_parts(self, values: Doubles) -> Doubles:
@@ -85,11 +100,60 @@ class Surfels:
         """Return the surfels of these numbers, in this order."""
         parts = (order[:, None] * PARTS + np.arange(PARTS)).ravel()
         own = {name: getattr(self, name)[order] for name in _OWN}
-        of_parts = {f"part_{name}": getattr(self, f"part_{name}")[parts] for name in _OWN}
+        of_parts = {name: getattr(self, name)[parts] for name in _OF_PARTS}
         return Surfels(origin=self.origin, **own, **of_parts)
 
+    def numbered(self) -> Surfels:
+        """Return the surfels with their parts numbered in their order."""
+        return replace(self, part_number=np.arange(len(self.part_area)))
 
+    def renumbered(self, number: NDArray[np.intp]) -> Surfels:
+        """Return the surfels with other numbers of their parts, [numbers] by those that they have."""
+        return replace(self, part_number=number[self.part_number])
+
+    def following(self, before: Scene, now: Scene) -> Surfels:
+        """Return the surfels of `before` where their triangles are in `now`, which has the same ones.
+
+        Areas change with those of their triangles. Surfels on triangles that stand still keep every bit.
+        """
+        shift = np.asarray(before.origin, np.float64) - now.origin
+        corners = before.positions[before.triangles].astype(np.float64) + shift
+        stands = (corners == now.positions[now.triangles]).all(axis=(1, 2))[self.part_triangle]
+        if stands.all() and not shift.any():
+            return self
+        own = np.flatnonzero(~stands)
+        triangle = self.part_triangle[own]
+        was, cross = (np.stack(_cross(scene, triangle), axis=1) for scene in (before, now))
+        double, now_double = (np.sqrt(np.einsum("nc,nc->n", c, c)) for c in (was, cross))
+        side = np.sign(np.einsum("nc,nc->n", was, self.part_normal[own]))
+        normal = side[:, None] * cross / np.maximum(now_double, 1e-300)[:, None]
+        position, part_normal, area = self.part_position + shift, self.part_normal.copy(), self.part_area.copy()
+        vertices = now.positions[now.triangles[triangle]].astype(np.float64)
+        position[own] = np.einsum("nk,nkc->nc", self.part_weights[own], vertices)
+        part_normal[own] = np.where(now_double[:, None] > 0.0, normal, part_normal[own])
+        area[own] *= np.maximum(now_double / np.maximum(double, 1e-300), LEAST_GROWTH)
+        moved = replace(self, origin=np.asarray(now.origin), part_position=position, part_normal=part_normal)
+        moved = replace(moved, part_area=area, area=area.reshape(-1, PARTS).sum(axis=1))
+        facing = moved.mean_of_parts(part_normal)
+        length = np.sqrt(np.einsum("nc,nc->n", facing, facing))
+        facing /= np.maximum(length, 1e-300)[:, None]
+        mean = {name: moved.mean_of_parts(getattr(self, f"part_{name}")) for name in ("albedo", "emission")}
+        of = {"area": moved.area, "normal": facing, **mean}
+        turned = ~stands.reshape(-1, PARTS).all(axis=1)
+        kept = {
+            name: np.where(turned if name == "area" else turned[:, None], value, getattr(self, name))
+            for name, value in of.items()
+        }
+        kept["normal"] = np.where((length > LEAST_FACING)[:, None], kept["normal"], self.normal)
+        return replace(moved, position=position[::PARTS], **kept)
+
+
+LEAST_GROWTH = 1e-6
+"""What the area of a part shrinks to at most, as a share: surfels have some."""
+LEAST_FACING = 1e-3
+"""Length of the mean normal of a surfel's parts below which it keeps the direction that it had."""
 _OWN = ("position", "normal", "area", "albedo", "emission")
+_OF_PARTS = (*(f"part_{name}" for name in _OWN), "part_triangle", "part_weights", "part_number")
 
 
 EMITTERS = 0.25
@@ -162,23 +226,23 @@ def scene_surfels(scene: Scene, count: int, shares: TriangleShares | None = None
     first, kinds = _surfels(np.asarray(scene.origin), points, order, key >> 3 * CURVE_BITS)
     both = first.chosen(np.flatnonzero(kinds < 12))
     other = replace(both, normal=-both.normal, part_normal=-both.part_normal)
-    names = (*_OWN, *(f"part_{name}" for name in _OWN))
+    names = (*_OWN, *_OF_PARTS)
     joined = {name: np.concatenate([getattr(first, name), getattr(other, name)]) for name in names}
     whole = Surfels(origin=first.origin, **joined)
     # Neighbours come together, whichever side of their triangles they are on.
     places = curve_numbers(whole.position, low, high)
     key = _axis(whole.normal) * np.int64(1 << 3 * CURVE_BITS) + places
-    return whole.chosen(np.argsort(key, kind="stable"))
+    return whole.chosen(np.argsort(key, kind="stable")).numbered()
 
 
 def _points(scene: Scene, count: int, shares: TriangleShares) -> tuple[Any, ...]:
-    """Return position, normal, area, albedo and emission of points on the front of the triangles, and whether
-    these have a back."""
+    """Return position, normal, area, albedo and emission of points on the front of the triangles, which triangle that
+    is, weights of its vertices, and whether it has a back."""
     ends = shares.ends
     total = float(ends[-1])
     if not total > 0.0:
         none = np.zeros((0, 3))
-        return none, none, np.zeros(0), none, none, np.zeros(0, np.bool_)
+        return none, none, np.zeros(0), none, none, np.zeros(0, np.intp), none, np.zeros(0, np.bool_)
     wanted = (np.arange(count) + 0.5) * (total / count)
     triangle = np.minimum(np.searchsorted(ends, wanted, "right"), len(ends) - 1)
     u, v = r_points(0, count, 2).T
@@ -215,7 +279,7 @@ def _points(scene: Scene, count: int, shares: TriangleShares) -> tuple[Any, ...]
         area[own] *= shares.area[shares.emits == kind].sum() / max(float(area[own].sum()), 1e-300)
     values = (
         mixed(scene.positions), cross / np.maximum(double, 1e-300)[:, None],
-        area, np.clip(albedo, 0.0, 1.0), emission, ~scene.culled_backs[triangle],
+        area, np.clip(albedo, 0.0, 1.0), emission, triangle, weights, ~scene.culled_backs[triangle],
     )  # fmt: skip
     return tuple(value[there] for value in values)
 
@@ -318,7 +382,7 @@ def _surfels(
         index.append(order[first + np.minimum(number, max(own - 1, 0))])
         real.append(number < own)
     chosen, there = _narrow(points, np.concatenate(index).reshape(-1, PARTS), np.concatenate(real).reshape(-1, PARTS))
-    position, normal, area, albedo, emission = (values[chosen] for values in points)
+    position, normal, area, albedo, emission, triangle, weights = (values[chosen] for values in points)
     area = area * there
     whole = area.sum(axis=1)
 
@@ -329,21 +393,25 @@ def _surfels(
     away = np.sum((position - mean(position)[:, None]) ** 2, axis=2)
     # A padding part is as near as the last real one, and comes behind it.
     nearest = np.argsort(away, axis=1, kind="stable")
-    position, normal, albedo, emission = (
-        np.take_along_axis(values, nearest[..., None], 1) for values in (position, normal, albedo, emission)
+    position, normal, albedo, emission, weights = (
+        np.take_along_axis(values, nearest[..., None], 1) for values in (position, normal, albedo, emission, weights)
     )
-    area = np.take_along_axis(area, nearest, 1)
+    area, triangle = (np.take_along_axis(values, nearest, 1) for values in (area, triangle))
     facing = mean(normal)
     length = np.sqrt(np.einsum("nc,nc->n", facing, facing))
     # Normals of one axis lie within 55 degrees of it, so that their mean does not vanish.
     facing /= length[:, None]
+    values = (position, normal, area, albedo, emission, triangle, weights, triangle)
+    of_parts: dict[str, Any] = {
+        name: array.reshape(-1, *array.shape[2:]) for name, array in zip(_OF_PARTS, values, strict=True)
+    }
     found = Surfels(
-        origin,
-        position[:, 0],
-        facing,
-        whole,
-        mean(albedo),
-        mean(emission),
-        *(values.reshape(-1, *values.shape[2:]) for values in (position, normal, area, albedo, emission)),
+        origin=origin,
+        position=position[:, 0],
+        normal=facing,
+        area=whole,
+        albedo=mean(albedo),
+        emission=mean(emission),
+        **of_parts,
     )
     return found, kind[chosen[:, 0]]

@@ -20,6 +20,7 @@ from ssgi_cl.techniques.radiosity.air import Air
 from ssgi_cl.techniques.radiosity.many_lights import traced_lights
 from ssgi_cl.techniques.radiosity.sky_directions import sky_directions
 from ssgi_cl.techniques.radiosity.start_triangles import StartTriangles
+from ssgi_cl.techniques.radiosity.surfel_history import SurfelHistory
 from ssgi_cl.techniques.radiosity.surfels import Surfels, TriangleShares, scene_surfels
 from ssgi_cl.techniques.vpl.packed_vpls import DeviceVpls, power_of_two
 
@@ -65,6 +66,7 @@ class DeviceSurfels:
 
     surfels: Surfels
     unlit: Surfels
+    _tried: Surfels
     camera: Camera
     unit: float
     _visible: DeviceArray | None = None
@@ -79,11 +81,13 @@ class DeviceSurfels:
         self._first = runtime.kernel("radiosity/radiosity_first.cl", macros)
         self._gather = runtime.kernel("radiosity/radiosity_gather.cl", macros)
 
-    def enter(self, scene: Scene) -> None:
-        """Make the occupancy grid of a scene and the spaces of its air; surfels follow with `fill`."""
-        low, high = scene.bounds
-        middle = 0.5 * (low + high)
-        half = max(0.5 * float((high - low).max()), 1e-30)
+    def enter(self, scene: Scene, history: SurfelHistory) -> None:
+        """Make the occupancy grid of a scene and the spaces of its air; surfels follow with `fill`.
+
+        `history` says which cube they lie in.
+        """
+        history.enter(scene)
+        middle, half = history.middle, history.half
         self.half = half
         self.unit = power_of_two(half)
         self.camera = Camera.look_at(middle, middle - [0.0, 0.0, half], width=1, height=1)
@@ -98,9 +102,10 @@ class DeviceSurfels:
         self._near = StartTriangles.of(self.runtime, scene, solid)
         self._shares = TriangleShares.of(scene)
         self._air = Air.of(occupancy.grid.download(), occupancy.cells)
-        seeing, starts = self._seeing(scene_surfels(scene, PILOT, self._shares), solid)
+        pilot = scene_surfels(scene, PILOT, self._shares)
+        there, starts = self._seeing(pilot, solid)
         spaces = self._air.at(starts)
-        emits = seeing.emission.any(axis=1)
+        emits = pilot.emission[there].any(axis=1)
         self._emitting = frozenset(spaces[emits].tolist())
         self._of_pilot = np.bincount(spaces, minlength=int(self._air.numbers.max()) + 1)
 
@@ -129,33 +134,47 @@ class DeviceSurfels:
         points: Floats = (shining[:, :3] - box[:3]) * box[3] - lift
         return points
 
-    def fill(self, scene: Scene, count: int, dark: frozenset[int]) -> None:
+    def fill(self, scene: Scene, count: int, dark: frozenset[int], history: SurfelHistory) -> None:
         """Replace the contents by about `count` surfels of the scene.
 
         Args:
             scene: that `enter` took.
             count: of surfels.
             dark: spaces that get none.
+            history: that `enter` took, whose surfels follow the scene.
         """
         solid = device_scene(scene, self.runtime)
+        moved = history.moved(scene)
+        if moved is not None:
+            there, starts = self._seeing(moved, solid, dark)
+            if history.suits(there):
+                if self._rays is None:
+                    return self._enter(moved.chosen(there), starts)
+                # Rays start from surfaces, so that surfels that see nothing now need no room in front of them.
+                return self._enter(moved.chosen(history.joined(there)), None)
         without = self._of_pilot[list(dark)].sum()
         share = max((self._of_pilot.sum() - without) / PILOT, LEAST_SHARE)
         tried = scene_surfels(scene, int(count / share), self._shares)
-        self.surfels, starts = self._seeing(tried, solid, dark)
-        self._upload(self.surfels, starts)
+        there, starts = self._seeing(tried, solid, dark)
+        return self._enter(history.begin(scene, self._tried, there), starts)
+
+    def _enter(self, surfels: Surfels, starts: Floats | None) -> None:
+        """Take surfels, and the starts of their rays where these are known."""
+        self.surfels = surfels
+        self._upload(surfels, starts)
         self._visible = None
 
     def _seeing(
         self, surfels: Surfels, solid: DeviceScene, dark: frozenset[int] = frozenset()
-    ) -> tuple[Surfels, Floats]:
-        """Return those that see any surface, and where their rays start: [n, 3] in cells.
+    ) -> tuple[NDArray[np.intp], Floats]:
+        """Return the numbers of those that see any surface, and where their rays start: [n, 3] in cells.
 
         No light reaches the others, nor leaves them. Those without room in front of them are left
         out, too, and those that face a space in `dark`.
         """
+        self._tried = self.unlit = surfels
         if not len(surfels):
-            self.unlit = surfels
-            return surfels, np.zeros((0, 3), np.float32)
+            return np.zeros(0, np.intp), np.zeros((0, 3), np.float32)
         self._upload(surfels)
         part = self._find_starts(surfels, solid)
         self.look_up(*sky_directions((), PILOT_DIRECTIONS))
@@ -165,7 +184,8 @@ class DeviceSurfels:
         unlit = kept & np.isin(self._air.at(starts.T), list(dark))
         self.unlit = surfels.chosen(np.flatnonzero(unlit))
         kept &= ~unlit
-        return surfels.centred(np.maximum(part, 0)).chosen(np.flatnonzero(kept)), starts[:, kept].T
+        self._tried = surfels.centred(np.maximum(part, 0))
+        return np.flatnonzero(kept), starts[:, kept].T
 
     def _upload(self, surfels: Surfels, starts: Floats | None = None) -> None:
         """Upload surfels, and the starts of their rays where these are known."""

@@ -24,6 +24,7 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats, ints
 from ssgi_cl.techniques.occupancy.occupancy_grid import Occupancy, OccupancyGrid
 from ssgi_cl.techniques.occupancy.scene_rays import SCENE_RAYS, SceneRays
+from ssgi_cl.techniques.vpl.kept_order import KeptOrder
 from ssgi_cl.techniques.vpl.packed_vpls import VPL, DeviceVpls, packed_params
 
 CUT = Struct("CutParams", (*ints("first", "groups", "segments", "lights"), *floats("scale", "faint", "bright")))
@@ -108,7 +109,6 @@ class VplTree:
         self._kept = runtime.empty(0, np.float32)
         self._groups = 0  # that there is room for
         macros = self._light_macros = {"VPL_NEAR": near, "VPL_CUT": cut}
-        self._order = runtime.kernel("multires/cluster_order.cl", {}, (CAMERA, VPL))
         self._make_runs = runtime.kernel("multires/cluster_means.cl", {}, (CAMERA, VPL))
         self._limits = runtime.kernel("multires/cut_limits.cl")
         # A GPU has a work-item for each sample: few groups would not fill it.
@@ -134,11 +134,18 @@ class VplTree:
             self._counts = self.runtime.empty(self._at_once * groups, np.int32)
             self._kept = self.runtime.empty(groups * GROUP * SAMPLE, np.float32)
 
-    def update(self) -> None:
-        """Queue the passes that make the tree from the lights that there are now."""
+    def update(self, order: KeptOrder | None = None) -> None:
+        """Queue the passes that make the tree from the lights that there are now.
+
+        Args:
+            order: of the frame before, in a sequence; it is changed.
+        """
         packed, total = self._packed({}, (0, 0)), np.int32(self.lights.count)
         segments = self.lights.segments
-        self._order.run(
+        places = segments * self.lights.stride
+        axes, kept = (None, 0) if order is None else order.axes(self.runtime, places)
+        by: dict[str, Any] = {} if axes is None else {"axes": axes}
+        self.runtime.kernel("multires/cluster_order.cl", {"CLUSTER_AXES": kept}, (CAMERA, VPL)).run(
             (1, 1),
             grid=(1, segments * SSGI_GROUP),
             local=(1, SSGI_GROUP),
@@ -148,6 +155,7 @@ class VplTree:
             params=packed,
             total=total,
             parts=PARTS if self.lights.parted else 0,
+            **by,
         )
         self._make_runs.run(
             (1, 1),

@@ -27,6 +27,7 @@ from ssgi_cl.techniques.radiosity import radiosity as radiosity_module
 from ssgi_cl.techniques.radiosity.radiosity import Radiosity, RadiosityParams, radiosity
 from ssgi_cl.techniques.radiosity.sky_directions import sky_directions
 from ssgi_cl.techniques.radiosity.start_triangles import SPREAD, StartTriangles
+from ssgi_cl.techniques.radiosity.surfel_history import SurfelHistory
 from ssgi_cl.techniques.radiosity.surfels import WIDEST, TriangleShares, scene_surfels
 from ssgi_cl.techniques.radiosity.surfels_on_device import DeviceSurfels
 from ssgi_cl.techniques.vpl.vpl_choice import on_device_rsms
@@ -532,7 +533,7 @@ def test_starts_do_not_depend_on_the_order_of_triangles(runtime: Runtime) -> Non
     surfels = scene_surfels(made, 2048, TriangleShares.of(made))
     found = []
     for scene in (made, shuffled):
-        device.enter(scene)
+        device.enter(scene, SurfelHistory())
         device._upload(surfels)
         found.append(device._find_starts(surfels, device_scene(scene, runtime)))
     np.testing.assert_array_equal(*found)

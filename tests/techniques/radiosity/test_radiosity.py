@@ -198,6 +198,20 @@ def test_a_furnace_gives_the_geometric_series(runtime: Runtime, albedo: float) -
     assert mean(made, sent) == pytest.approx(math.pi / (1.0 - albedo), rel=0.01)
 
 
+@pytest.mark.parametrize("gloss", [1.0, 6.0, 30.0])
+def test_a_furnace_of_metal_loses_what_lobes_have_below_surfaces(runtime: Runtime, gloss: float) -> None:
+    """In red, where nothing is absorbed, that alone ends the series."""
+    room = box(0.0, 1.0)
+    metal = Material(albedo=(0.0,) * 3, emission=(1.0,) * 3, specular=(1.0, 0.77, 0.34), gloss=gloss)
+    made = solved(runtime, replace(room, materials=(metal,)))
+    # (n + 1) cos^n a sin a (1 + cos a) / 2, integrated over a from 0 to 90 degrees.
+    share = 0.5 * (1.0 + (gloss + 1.0) / (gloss + 2.0))
+    albedo = share * np.array([1.0, 0.77, 0.34])
+    sent = made.surfels.area @ (math.pi + albedo * made.irradiance) / made.surfels.area.sum()
+    # Series end where .2 % of the flux is left.
+    np.testing.assert_allclose(sent, math.pi / (1.0 - albedo), rtol=0.02)
+
+
 @pytest.mark.parametrize("albedo", [0.5, 0.8])
 def test_a_furnace_with_a_bend(runtime: Runtime, albedo: float) -> None:
     made = solved(runtime, l_room(albedo, 1.0))

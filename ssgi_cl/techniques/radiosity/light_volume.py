@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,19 @@ LEAST_SHOWN = 0.01
 """What a piece counts at least, so that a cell has a mean where all of its pieces are in a gap."""
 FACES = 6
 """Directions that surfaces of a cell face: +x, -x, +y, -y, +z, -z."""
+BEFORE = 0.01
+"""Cells before a surface that it is looked up, as VOLUME_BEFORE of kernels/radiosity/volume.clh."""
+LEAST_DIVIDED = 0.02
+"""Part of the surfaces of a cell that face alike that a plane must hide from the others to divide it."""
+MOST_ASTRAY = 0.1
+"""Part of them that may lie on the wrong side of it."""
+
+LOOK = 0.25
+"""Cells above their surfaces at which pieces look at each other."""
+
+Planes = Callable[[NDArray[np.intp], float], Doubles]
+"""Takes for each piece the number of another in its cell, and a height above both, scene units. Returns [n, 4] the plane
+of what hides one from the other: its normal, towards the other, and where it is along that; 0 where nothing does."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,16 +68,20 @@ class LightVolume:
     it.
 
     Attributes:
-        cells: [CELLS by z, CELLS by y, CELLS by x] int32: the number of a record.
+        cells: [CELLS by z, CELLS by y, CELLS by x] int32: the number of a record, or -1 - that of a plane.
         records: [count, FACES, 4] float32: radiance, W m^-2 sr^-1, and area, in sides of cells squared.
         low: [3] float64, the corner of least coordinates of the cube, scene units.
         extent: of its side, scene units.
+        planes: [planes, 4] float32 that divide cells: normals, and where they are along these, in cells from `low`.
+        sides: [planes, 2] int32: the numbers of the records before and behind each.
     """
 
     cells: NDArray[np.int32]
     records: NDArray[np.float32]
     low: Doubles
     extent: float
+    planes: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 4), np.float32))
+    sides: NDArray[np.int32] = field(default_factory=lambda: np.zeros((0, 2), np.int32))
 
     @property
     def side(self) -> float:
@@ -73,7 +91,8 @@ class LightVolume:
 
 def device_volume(runtime: Runtime, volume: LightVolume) -> tuple[DeviceArray, DeviceArray]:
     """Return the cells and records of a volume in device memory, as kernels/radiosity/volume.clh reads them."""
-    return runtime.array(volume.cells.ravel()), runtime.array(volume.records.ravel())
+    planes = np.column_stack([volume.planes.view(np.int32), volume.sides]).ravel()
+    return runtime.array(np.concatenate([volume.cells.ravel(), planes])), runtime.array(volume.records.ravel())
 
 
 class SurfaceCells:
@@ -88,10 +107,18 @@ class SurfaceCells:
         unlit: of surfaces that no light reaches: black where no other within `NEAR` faces the same way.
         shown: [lit pieces] what each counts for its cell, 0 to 1: the part of its hemisphere that is open to beyond the
             cell. Rays from afar come to a piece in that proportion, seldom into a gap.
+        planes: finds what divides cells into two spaces that do not see each other, such as walls; each side of it
+            then has a mean of its own.
     """
 
     def __init__(
-        self, lit: Pieces, low: Doubles, extent: float, unlit: Pieces | None = None, shown: Doubles | None = None
+        self,
+        lit: Pieces,
+        low: Doubles,
+        extent: float,
+        unlit: Pieces | None = None,
+        shown: Doubles | None = None,
+        planes: Planes | None = None,
     ) -> None:
         self.low, self.extent = low, extent
         self._shown = np.ones(len(lit.area)) if shown is None else np.maximum(shown, LEAST_SHOWN)
@@ -102,14 +129,26 @@ class SurfaceCells:
         there[own] = there[others] = True
         there[0] |= not there.any()
         place = np.flatnonzero(there)
-        number = np.cumsum(there) - 1
+        number = (np.cumsum(there) - 1).astype(np.int32)
+        divided, self._planes = (own[:0], np.zeros((0, 4))) if planes is None else self._divide(lit, own, planes)
+        divided, self._planes = _spread(divided, self._planes, there)
+        # Records behind planes follow those of all cells.
+        self._sides = np.stack([number[divided], len(place) + np.arange(len(divided))], axis=1).astype(np.int32)
+        place = np.concatenate([place, divided])
+        number[divided] = -1 - np.arange(len(divided))
         nearest = _nearest(there)
-        self.cells = number[np.ravel_multi_index(tuple(nearest), shape)].astype(np.int32).reshape(shape)
-        self._slots = _Slots.of(number[own], lit.normal)
-        black = _Slots.of(number[others], dark.normal).sums(dark.area, len(place))
+        self.cells = number[np.ravel_multi_index(tuple(nearest), shape)].reshape(shape)
+        self._slots = _Slots.of(self._records(own, lit), lit.normal)
+        black = _Slots.of(self._records(others, dark), dark.normal).sums(dark.area, len(place))
         area = self._slots.sums(lit.area, len(place))
         # Slots are numbered record by record.
         self._near = np.arange(len(place) * FACES).reshape(-1, FACES)
+        # What is on one side of a plane looks for surfaces from there.
+        middle = np.stack(np.unravel_index(place, shape))[::-1].T + 0.5
+        aside = middle.copy()
+        aside[self._sides] += self._planes[:, None, :3] * np.array([1.0, -1.0])[:, None]
+        z, y, x = np.clip(aside.astype(np.intp), 0, CELLS - 1).T[::-1]
+        around = np.ravel_multi_index((z, y, x), shape)
         for face in range(FACES):
             known = area[:, face] > 1e-6 * area[:, face].max(initial=0.0)
             area[~known, face] = 0.0
@@ -119,11 +158,15 @@ class SurfaceCells:
             if known.any():
                 there = np.zeros(CELLS**3, np.bool_)
                 there[place[known]] = True
-                nearest = _nearest(there)[:, place]
-                away = np.stack(np.unravel_index(place, shape)) - nearest
-                alone &= (away**2).sum(axis=0) > NEAR**2
-                given = ~known & ~alone
-                found = number[np.ravel_multi_index(tuple(nearest[:, given]), shape)]
+                nearest = _nearest(there)
+                alone &= ((middle[:, ::-1].T - 0.5 - nearest[:, place]) ** 2).sum(axis=0) > NEAR**2
+                given = np.flatnonzero(~known & ~alone)
+                cell = number[np.ravel_multi_index(tuple(nearest[:, around[given]]), shape)]
+                found = self._resolved(cell, aside[given])
+                # Of a plane's sides one may have none.
+                empty = ~known[found]
+                sides = self._sides[-1 - cell[empty]]
+                found[empty] = np.where(known[sides[:, 0]], sides[:, 0], sides[:, 1])
                 self._near[given, face] = found * FACES + face
             area[alone, face] = black[alone, face]
         self._area = area
@@ -146,13 +189,61 @@ class SurfaceCells:
         radiance = self._slots.mean(flux * self._shown[:, None], self._seen)
         if also is not None:
             pieces, sent = also
-            slots = _Slots.of(self.cells.ravel()[self._cell(pieces.position)], pieces.normal)
+            slots = _Slots.of(self._records(self._cell(pieces.position), pieces), pieces.normal)
             # Pieces are few: those of some surfaces may have missed a cell that others lie in.
             radiance += slots.mean(sent, np.maximum(self._seen, slots.sums(pieces.area, count)))
         records = np.empty((count, FACES, 4), np.float32)
         records[..., :3] = np.minimum(radiance, BRIGHTEST).astype(np.float32).take(self._near, axis=0)
         records[..., 3] = self.area
-        return LightVolume(self.cells, records, self.low, self.extent)
+        planes = self._planes.astype(np.float32)
+        return LightVolume(self.cells, records, self.low, self.extent, planes, self._sides)
+
+    def _records(self, cell: NDArray[np.intp], pieces: Pieces) -> NDArray[np.intp]:
+        """Return the numbers of the records of pieces that lie in cells."""
+        return self._resolved(
+            self.cells.ravel()[cell], (pieces.position - self.low) / self.side + BEFORE * pieces.normal
+        )
+
+    def _resolved(self, number: NDArray[np.int32], place: Doubles) -> NDArray[np.intp]:
+        """Return records for what cells have, at places in cells."""
+        found = number.astype(np.intp)
+        two = np.flatnonzero(number < 0)
+        plane = -1 - found[two]
+        behind = np.einsum("nc,nc->n", self._planes[plane, :3], place[two]) < self._planes[plane, 3]
+        found[two] = self._sides[plane, behind.astype(np.intp)]
+        return found
+
+    def _divide(self, pieces: Pieces, cell: NDArray[np.intp], planes: Planes) -> tuple[NDArray[np.intp], Doubles]:
+        """Return numbers of cells of which parts hide from each other, and planes between these, in cells.
+
+        Pieces of a cell that face the same way look at that of them which is shown most.
+        """
+        weight = pieces.area * self._shown
+        group = cell * FACES + np.stack([pieces.normal, -pieces.normal], axis=-1).reshape(-1, FACES).argmax(axis=1)
+        order = np.lexsort((-weight, group))
+        names, first, member = np.unique(group[order], return_index=True, return_inverse=True)
+        member[order] = member.copy()
+        seen = planes(order[first][member], LOOK * self.side)
+        hidden = seen.any(axis=1)
+        hidden_weight = np.where(hidden, weight, 0.0)
+        # The plane that hides the heaviest of each group.
+        order = np.lexsort((-hidden_weight, member))
+        chosen = seen[order[np.searchsorted(member[order], np.arange(len(names)))]]
+        own, at = chosen[member], pieces.position + BEFORE * self.side * pieces.normal
+        behind = np.einsum("nc,nc->n", own[:, :3], at) < own[:, 3]
+        count = len(names)
+        total, apart, astray = (
+            np.bincount(member, values, count) for values in (weight, hidden_weight, weight * (behind != hidden))
+        )
+        good = chosen.any(axis=1) & (apart > LEAST_DIVIDED * total) & (astray < MOST_ASTRAY * total)
+        good &= astray < 0.5 * apart
+        # One for each cell: that which hides most.
+        good = np.flatnonzero(good)
+        good = good[np.argsort(-apart[good], kind="stable")]
+        divided, index = np.unique(names[good] // FACES, return_index=True)
+        found = chosen[good[index]]
+        along = (found[:, 3] - found[:, :3] @ self.low) / self.side
+        return divided, np.column_stack([found[:, :3], along])
 
     def _cell(self, position: Doubles) -> NDArray[np.intp]:
         x, y, z = np.clip(((position - self.low) / self.side).astype(np.intp), 0, CELLS - 1).T
@@ -168,6 +259,29 @@ def _nearest(there: NDArray[np.bool_]) -> NDArray[np.int32]:
     grid = ~there.reshape(shape)
     found: NDArray[np.int32] = ndimage.distance_transform_edt(grid, return_distances=False, return_indices=True)
     return found.reshape(3, -1)
+
+
+def _spread(divided: NDArray[np.intp], planes: Doubles, there: NDArray[np.bool_]) -> tuple[NDArray[np.intp], Doubles]:
+    """Return cells and planes with those of neighbours that the planes cut, too, and that surfaces lie in: pieces are
+    few, and may have missed one side."""
+    if not len(divided):
+        return divided, planes
+    shape = (CELLS, CELLS, CELLS)
+    steps = np.stack(np.meshgrid(*[(-1, 0, 1)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    near = np.stack(np.unravel_index(divided, shape), axis=1)[:, None] + steps
+    number = np.repeat(np.arange(len(divided)), len(steps))
+    near = near.reshape(-1, 3)
+    within = ((near >= 0) & (near < CELLS)).all(axis=1)
+    near, number = near[within], number[within]
+    cell = np.ravel_multi_index(tuple(near.T), shape)
+    off = np.einsum("nc,nc->n", planes[number, :3], near[:, ::-1] + 0.5) - planes[number, 3]
+    cut = np.abs(off) < 0.5 * np.abs(planes[number, :3]).sum(axis=1)
+    own = np.isin(cell, divided)
+    chosen = there[cell] & np.where(own, cell == divided[number], cut)
+    cell, number, off = cell[chosen], number[chosen], np.abs(off[chosen])
+    order = np.lexsort((off, cell))
+    cells, first = np.unique(cell[order], return_index=True)
+    return cells, planes[number[order][first]]
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -32,12 +33,19 @@ LEAST_DIVIDED = 0.02
 MOST_ASTRAY = 0.1
 """Part of them that may lie on the wrong side of it."""
 
+BEYOND = 0.1
+"""Cells beyond which a plane divides no cell: one along the sides of cells decides where they look for surfaces."""
 LOOK = 0.25
 """Cells above their surfaces at which pieces look at each other."""
 
+_AROUND = np.array(sorted(itertools.product((-1, 0, 1), repeat=3), key=lambda step: sum(map(abs, step))))
+"""Steps to cells and those around them, the nearest first."""
+
 Planes = Callable[[NDArray[np.intp], float], Doubles]
-"""Takes for each piece the number of another in its cell, and a height above both, scene units. Returns [n, 4] the plane
-of what hides one from the other: its normal, towards the other, and where it is along that; 0 where nothing does."""
+"""Takes for each piece the number of another in its cell, and a height above both, scene units.
+
+Returns [n, 4] the plane of what hides one from the other: its normal, towards the other, and where it is along that; 0
+where nothing does."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,13 +138,14 @@ class SurfaceCells:
         there[0] |= not there.any()
         place = np.flatnonzero(there)
         number = (np.cumsum(there) - 1).astype(np.int32)
-        divided, self._planes = (own[:0], np.zeros((0, 4))) if planes is None else self._divide(lit, own, planes)
-        divided, self._planes = _spread(divided, self._planes, there)
+        divided, self._planes = own[:0], np.zeros((0, 4))
+        if planes is not None and len(own):
+            divided, self._planes = self._divide(lit, own, there, planes)
         # Records behind planes follow those of all cells.
         self._sides = np.stack([number[divided], len(place) + np.arange(len(divided))], axis=1).astype(np.int32)
         place = np.concatenate([place, divided])
         number[divided] = -1 - np.arange(len(divided))
-        nearest = _nearest(there)
+        nearest, occupied = _nearest(there), there
         self.cells = number[np.ravel_multi_index(tuple(nearest), shape)].reshape(shape)
         self._slots = _Slots.of(self._records(own, lit), lit.normal)
         black = _Slots.of(self._records(others, dark), dark.normal).sums(dark.area, len(place))
@@ -164,9 +173,17 @@ class SurfaceCells:
                 cell = number[np.ravel_multi_index(tuple(nearest[:, around[given]]), shape)]
                 found = self._resolved(cell, aside[given])
                 # Of a plane's sides one may have none.
-                empty = ~known[found]
+                empty = np.flatnonzero(~known[found])
                 sides = self._sides[-1 - cell[empty]]
                 found[empty] = np.where(known[sides[:, 0]], sides[:, 0], sides[:, 1])
+                for step in _AROUND:
+                    to = np.clip(aside[given[empty]] + step, 0, CELLS - 1).astype(np.intp)
+                    other = self._resolved(
+                        number[(to[:, 2] * CELLS + to[:, 1]) * CELLS + to[:, 0]], aside[given[empty]]
+                    )
+                    there_too = occupied[(to[:, 2] * CELLS + to[:, 1]) * CELLS + to[:, 0]] & known[other]
+                    found[empty[there_too]] = other[there_too]
+                    empty = empty[~there_too]
                 self._near[given, face] = found * FACES + face
             area[alone, face] = black[alone, face]
         self._area = area
@@ -213,37 +230,45 @@ class SurfaceCells:
         found[two] = self._sides[plane, behind.astype(np.intp)]
         return found
 
-    def _divide(self, pieces: Pieces, cell: NDArray[np.intp], planes: Planes) -> tuple[NDArray[np.intp], Doubles]:
+    def _divide(
+        self, pieces: Pieces, cell: NDArray[np.intp], there: NDArray[np.bool_], planes: Planes
+    ) -> tuple[NDArray[np.intp], Doubles]:
         """Return numbers of cells of which parts hide from each other, and planes between these, in cells.
 
-        Pieces of a cell that face the same way look at that of them which is shown most.
+        Pieces of a cell that face the same way look at that of them which is shown most, and at those of the cells
+        beside. A plane divides its cell, that which was looked at, and others round it that it cuts.
         """
         weight = pieces.area * self._shown
         group = cell * FACES + np.stack([pieces.normal, -pieces.normal], axis=-1).reshape(-1, FACES).argmax(axis=1)
         order = np.lexsort((-weight, group))
         names, first, member = np.unique(group[order], return_index=True, return_inverse=True)
         member[order] = member.copy()
-        seen = planes(order[first][member], LOOK * self.side)
-        hidden = seen.any(axis=1)
-        hidden_weight = np.where(hidden, weight, 0.0)
-        # The plane that hides the heaviest of each group.
-        order = np.lexsort((-hidden_weight, member))
-        chosen = seen[order[np.searchsorted(member[order], np.arange(len(names)))]]
-        own, at = chosen[member], pieces.position + BEFORE * self.side * pieces.normal
-        behind = np.einsum("nc,nc->n", own[:, :3], at) < own[:, 3]
-        count = len(names)
-        total, apart, astray = (
-            np.bincount(member, values, count) for values in (weight, hidden_weight, weight * (behind != hidden))
-        )
-        good = chosen.any(axis=1) & (apart > LEAST_DIVIDED * total) & (astray < MOST_ASTRAY * total)
-        good &= astray < 0.5 * apart
-        # One for each cell: that which hides most.
-        good = np.flatnonzero(good)
-        good = good[np.argsort(-apart[good], kind="stable")]
-        divided, index = np.unique(names[good] // FACES, return_index=True)
-        found = chosen[good[index]]
-        along = (found[:, 3] - found[:, :3] @ self.low) / self.side
-        return divided, np.column_stack([found[:, :3], along])
+        most = order[first]
+        at = pieces.position + BEFORE * self.side * pieces.normal
+        cells, found, merit = [], [], []
+        for step in (0, 1, -1, CELLS, -CELLS, CELLS * CELLS, -CELLS * CELLS):
+            beside = np.minimum(np.searchsorted(names, names + step * FACES), len(names) - 1)
+            exists = names[beside] == names + step * FACES
+            partner = np.where(exists[member], most[beside[member]], np.arange(len(member)))
+            seen = planes(partner, LOOK * self.side)
+            hidden = seen.any(axis=1) & exists[member]
+            apart = np.bincount(member, np.where(hidden, weight, 0.0), len(names))
+            # The plane that hides the heaviest of each group.
+            order = np.lexsort((np.where(hidden, -weight, 0.0), member))
+            chosen = seen[order[np.searchsorted(member[order], np.arange(len(names)))]]
+            own = chosen[member]
+            behind = np.einsum("nc,nc->n", own[:, :3], at) < own[:, 3]
+            total = np.bincount(member, weight, len(names))
+            astray = np.bincount(member, weight * (behind != hidden), len(names))
+            good = exists & (apart > LEAST_DIVIDED * total) & (astray < MOST_ASTRAY * np.minimum(total, 5.0 * apart))
+            good = np.flatnonzero(good & chosen.any(axis=1))
+            for side in (0, step) if step else (0,):
+                cells.append(names[good] // FACES + side)
+                found.append(chosen[good])
+                merit.append(apart[good])
+        cell, plane, share = np.concatenate(cells), np.concatenate(found), np.concatenate(merit)
+        plane[:, 3] = (plane[:, 3] - plane[:, :3] @ self.low) / self.side
+        return _spread(cell, plane, share, there)
 
     def _cell(self, position: Doubles) -> NDArray[np.intp]:
         x, y, z = np.clip(((position - self.low) / self.side).astype(np.intp), 0, CELLS - 1).T
@@ -261,26 +286,31 @@ def _nearest(there: NDArray[np.bool_]) -> NDArray[np.int32]:
     return found.reshape(3, -1)
 
 
-def _spread(divided: NDArray[np.intp], planes: Doubles, there: NDArray[np.bool_]) -> tuple[NDArray[np.intp], Doubles]:
-    """Return cells and planes with those of neighbours that the planes cut, too, and that surfaces lie in: pieces are
-    few, and may have missed one side."""
-    if not len(divided):
-        return divided, planes
+def _spread(
+    cell: NDArray[np.intp], planes: Doubles, merit: Doubles, there: NDArray[np.bool_]
+) -> tuple[NDArray[np.intp], Doubles]:
+    """Return cells that planes cut and that surfaces lie in, one plane for each.
+
+    A cell's own counts before those of cells round it, as pieces are few and may have missed one side.
+
+    Args:
+        cell: [n] in which each plane was found.
+        planes: [n, 4] in cells.
+        merit: [n] the greater counts.
+        there: [cells] whether surfaces lie in it.
+    """
     shape = (CELLS, CELLS, CELLS)
-    steps = np.stack(np.meshgrid(*[(-1, 0, 1)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-    near = np.stack(np.unravel_index(divided, shape), axis=1)[:, None] + steps
-    number = np.repeat(np.arange(len(divided)), len(steps))
-    near = near.reshape(-1, 3)
+    near = (np.stack(np.unravel_index(cell, shape), axis=1)[:, None] + _AROUND).reshape(-1, 3)
+    number = np.repeat(np.arange(len(cell)), len(_AROUND))
+    far = np.tile((_AROUND**2).sum(axis=1), len(cell))
     within = ((near >= 0) & (near < CELLS)).all(axis=1)
-    near, number = near[within], number[within]
-    cell = np.ravel_multi_index(tuple(near.T), shape)
+    near, number, far = near[within], number[within], far[within]
+    to = np.ravel_multi_index(tuple(near.T), shape)
     off = np.einsum("nc,nc->n", planes[number, :3], near[:, ::-1] + 0.5) - planes[number, 3]
-    cut = np.abs(off) < 0.5 * np.abs(planes[number, :3]).sum(axis=1)
-    own = np.isin(cell, divided)
-    chosen = there[cell] & np.where(own, cell == divided[number], cut)
-    cell, number, off = cell[chosen], number[chosen], np.abs(off[chosen])
-    order = np.lexsort((off, cell))
-    cells, first = np.unique(cell[order], return_index=True)
+    cut = there[to] & (np.abs(off) < BEYOND + 0.5 * np.abs(planes[number, :3]).sum(axis=1))
+    to, number, far = to[cut], number[cut], far[cut]
+    order = np.lexsort((-merit[number], far, to))
+    cells, first = np.unique(to[order], return_index=True)
     return cells, planes[number[order][first]]
 
 

@@ -358,8 +358,8 @@ def test_surfaces_in_a_narrow_gap_see_out_of_its_slit_alone(runtime: Runtime) ->
     assert sees[np.ix_(on_top, above)].mean() > 0.5
 
 
-def two_rooms(emission: float = 0.0, door: float = 0.0) -> Scene:
-    """Two closed rooms side by side, x below and above 0, and a door of some width in the wall.
+def two_rooms(emission: float = 0.0, door: float = 0.0, right: float = 2.0) -> Scene:
+    """Two closed rooms side by side, x below and above 0 up to `right`, and a door of some width in the wall.
 
     In the left one a plate may emit.
     """
@@ -371,11 +371,11 @@ def two_rooms(emission: float = 0.0, door: float = 0.0) -> Scene:
         triangles.extend([(first, first + 1, first + 2), (first, first + 2, first + 3)])
         ids.extend([material] * 2)
 
-    for low, high in ((-2.0, 0.0), (0.0, 2.0)):
+    for low, high in ((-2.0, 0.0), (0.0, right)):
         for y in (-1.0, 1.0):
             quad((low, y, -1), (high, y, -1), (high, y, 1), (low, y, 1))
             quad((low, -1, y), (high, -1, y), (high, 1, y), (low, 1, y))
-    for x in (-2.0, 2.0):
+    for x in (-2.0, right):
         quad((x, -1, -1), (x, 1, -1), (x, 1, 1), (x, -1, 1))
     half = door / 2
     quad((0, -1, -1), (0, 1, -1), (0, 1, -half), (0, -1, -half))
@@ -402,6 +402,26 @@ def test_light_through_a_door_gives_both_rooms_surfels(runtime: Runtime) -> None
     scene = two_rooms(door=0.5)
     right = solved(runtime, scene, (LEFT,)).surfels.position[:, 0] + scene.origin[0] > 0.02
     assert 0.4 < right.mean() < 0.6
+
+
+@pytest.mark.parametrize("right", [2.0, 2.03, 2.0625, 2.09])
+def test_no_light_passes_a_wall_within_a_cell(runtime: Runtime, right: float) -> None:
+    """A dim room beside one that is 280 times as bright and shut off: what it receives does not depend on that.
+
+    Cells of the light volume that the wall cuts have floor of both rooms in them; undivided, they let through .6 to .8
+    of the dim room's light.
+    """
+    lamp = SpotLight((1.0, -0.2, 0.0), (0, -1, 0), 1.0, 0.01)
+    found = []
+    for emission in (4.0, 4e-6):  # so that both rooms have surfels
+        scene = two_rooms(emission, right=right)
+        made = solved(runtime, scene, (lamp,), surfels=2048)
+        place = made.surfels.position + scene.origin + 0.01 * made.surfels.normal
+        light = made.surfels.area * made.irradiance[:, 0]
+        dim = place[:, 0] > 0.0
+        found.append((light[dim].sum(), light[~dim].sum()))
+    assert found[0][1] > 200.0 * found[0][0]
+    assert found[0][0] == pytest.approx(found[1][0], rel=1e-3)
 
 
 def test_a_light_that_moves_to_another_room_takes_the_surfels_along(runtime: Runtime) -> None:

@@ -153,8 +153,8 @@ class SurfaceCells:
         # Slots are numbered record by record.
         self._near = np.arange(len(place) * FACES).reshape(-1, FACES)
         # What is on one side of a plane looks for surfaces from there.
-        middle = np.stack(np.unravel_index(place, shape))[::-1].T + 0.5
-        aside = middle.copy()
+        middle: Doubles = np.stack(np.unravel_index(place, shape))[::-1].T + np.float64(0.5)
+        aside: Doubles = middle.copy()
         aside[self._sides] += self._planes[:, None, :3] * np.array([1.0, -1.0])[:, None]
         z, y, x = np.clip(aside.astype(np.intp), 0, CELLS - 1).T[::-1]
         around = np.ravel_multi_index((z, y, x), shape)
@@ -245,7 +245,9 @@ class SurfaceCells:
         member[order] = member.copy()
         most = order[first]
         at = pieces.position + BEFORE * self.side * pieces.normal
-        cells, found, merit = [], [], []
+        cells: list[NDArray[np.intp]] = []
+        found: list[Doubles] = []
+        merit: list[Doubles] = []
         for step in (0, 1, -1, CELLS, -CELLS, CELLS * CELLS, -CELLS * CELLS):
             beside = np.minimum(np.searchsorted(names, names + step * FACES), len(names) - 1)
             exists = names[beside] == names + step * FACES
@@ -265,7 +267,7 @@ class SurfaceCells:
             for side in (0, step) if step else (0,):
                 cells.append(names[good] // FACES + side)
                 found.append(chosen[good])
-                merit.append(apart[good])
+                merit.append(apart[good].astype(np.float64))
         cell, plane, share = np.concatenate(cells), np.concatenate(found), np.concatenate(merit)
         plane[:, 3] = (plane[:, 3] - plane[:, :3] @ self.low) / self.side
         return _spread(cell, plane, share, there)

@@ -170,8 +170,8 @@ reflect_mirror(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo, ssgi_pla
             }
             for (int c = 0; c < 3; ++c) {
                 // What a smooth surface mirrors is what the next leg meets.
-                const vfloat image =
-                    reflect_image(pixel, c, smooth, albedo, specular, whole, light, radiance, size);
+                const vfloat image = reflect_image(pixel, c, smooth, albedo, specular, gloss, whole,
+                                                   light, radiance, size);
                 vfloat arriving = v_select(open[c], sent[c], hidden);
                 arriving = v_select(arriving, v_gather(surfaces, own + c), glows);
                 arriving = v_select(arriving, image, shown);

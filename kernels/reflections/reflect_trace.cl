@@ -187,8 +187,8 @@ __kernel void reflect_trace(ssgi_plane linear, ssgi_plane normal, ssgi_plane alb
             }
         }
         for (int c = 0; c < 3; ++c) {
-            const vfloat met = reflect_image(pixel, c, v_splat_int(0), albedo, specular, whole,
-                                             light, radiance, size);
+            const vfloat met = reflect_image(pixel, c, v_splat_int(0), albedo, specular, gloss,
+                                             whole, light, radiance, size);
             vfloat arriving = v_select(open[c], sent[c], blocked);
             arriving = v_select(arriving, met, hit.found);
             sum[c] = sum[c] + v_select(zero, arriving, above);

@@ -63,7 +63,7 @@ class DeviceScene:
         self.spread = float(np.linalg.norm(few[:, 3:].astype(np.float64), axis=1).mean()) / extent
         materials = np.array(
             [
-                [*m.albedo, m.texture, m.alpha, m.alpha_cutoff, *m.emission, *m.specular, m.emission_texture]
+                [*m.albedo, m.texture, m.alpha, m.alpha_cutoff, *m.emission, *m.spread, m.emission_texture]
                 for m in scene.materials
             ],
             np.float32,

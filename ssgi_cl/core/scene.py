@@ -93,6 +93,18 @@ class Material:
         return any(self.specular)
 
     @property
+    def spread(self) -> tuple[float, float, float]:
+        """[3] share of light from all sides that the lobe reflects above the surface.
+
+        The part of the lobe within `da` of an angle a from its axis is (n + 1) cos^n a sin a da, of which
+        (1 + cos a) / 2 lies above the surface, in the mean over all axes by cosine. What lies below it is
+        lost.
+        """
+        share = 1.0 - 0.5 / (self.gloss + 2.0)
+        red, green, blue = (share * value for value in self.specular)
+        return red, green, blue
+
+    @property
     def transmitted(self) -> tuple[float, float, float]:
         """[3] share of light that passes through what is there."""
         matt, mirrored = np.array(self.albedo), np.array(self.specular)

@@ -52,6 +52,12 @@ class Lobes:
         inner = bend[rows : bend.shape[0] - rows, columns : bend.shape[1] - columns]
         return cls(own, np.clip(gbuffer.inner(gloss), 1.0, 1e6).astype(np.float64), view - 2.0 * along * normal, inner)
 
+    @property
+    def above(self) -> Doubles:
+        """[rows, columns] the part of a lobe above its surface, in the mean over axes by cosine."""
+        result: Doubles = (2.0 * self.gloss + 3.0) / (2.0 * self.gloss + 4.0)
+        return result
+
     def widened(self) -> Self:
         """Return lobes as wide as what a pixel of a bent surface mirrors.
 

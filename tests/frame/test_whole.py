@@ -232,6 +232,22 @@ def test_glossy_surfaces_mirror_what_paths_find(runtime: Runtime) -> None:
     assert off < 0.2
 
 
+def test_a_white_floor_among_golden_walls_has_the_colour_that_paths_find(runtime: Runtime) -> None:
+    """With all of the lobe's light its red would be 2.2 times as much."""
+    pytest.importorskip("mitsuba", reason="mitsuba is not installed (extra 'truth')")
+    room = cube(0.8, 0.0)
+    gold = Material(albedo=(0.0,) * 3, specular=(1.0, 0.77, 0.34), gloss=6.33)
+    floor = (room.positions[room.triangles][..., 1] < -0.99).all(axis=1)
+    scene = replace(room, materials=(*room.materials, gold), material_ids=np.where(floor, 0, 1).astype(np.int32))
+    camera = gi.Camera.look_at((0.5, 0.9, 0.6), (-0.2, -1.0, -0.3), width=48, height=36)
+    lights = [gi.PointLight((0.1, 0.3, 0.2), 1.0)]
+    seen = np.asarray(gi.rasterize.gbuffer(scene, camera, runtime=runtime).albedo)[..., 0] > 0.5
+    truth = gi.truth.radiance(scene, camera, lights, 256).mean
+    found = gi.render(scene, camera, lights, outputs=("radiance",), edges=0, runtime=runtime).radiance
+    # A lobe's light goes every way, seen from other surfaces, which is not what paths find.
+    np.testing.assert_allclose(found[seen].mean(axis=0), truth[seen].mean(axis=0), rtol=0.1)
+
+
 def test_a_glossy_wall_alone_reflects_sun_and_sky(runtime: Runtime) -> None:
     # No surface sees another, so that there are no surfels.
     wall = scene_of(

@@ -49,7 +49,7 @@ def test_numbers_beyond_their_range_count_as_the_nearest_within() -> None:
 def test_frames_without_lobes_take_metals_for_matt(runtime: Runtime) -> None:
     built = made("cornell_box")
     metal: dict[str, Any] = {"albedo": (0.0,) * 3, "specular": (0.5,) * 3, "gloss": 30.0}
-    matt: dict[str, Any] = {"albedo": (0.5,) * 3}
+    matt: dict[str, Any] = {"albedo": gi.Material(**metal).spread}
     kept: dict[str, Any] = {"outputs": ("radiance",), "ao": False, "shadow_size": 32, "runtime": runtime}
 
     def radiance(change: dict[str, Any], **options: Any) -> np.ndarray:

@@ -158,7 +158,7 @@ def arriving_reference(
     meets = np.zeros(len(row), np.bool_)
     square = np.where(gloss < SHARP, (column >> 2 & 3) + 4 * (row >> 2 & 3), 0)
     tile = (column & 3) + 4 * (row & 3) + 16 * square
-    spread = np.where(glossy[..., None], lobes.specular, 0.0)
+    spread = np.where(glossy[..., None], lobes.specular * lobes.above[..., None], 0.0)
     for ray in range(rays):
         number = tile * rays + ray + 0.5
         way = _directions(axis, gloss, number * FIRST % 1.0, number * SECOND % 1.0)

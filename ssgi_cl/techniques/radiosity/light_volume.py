@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +26,26 @@ LEAST_SHOWN = 0.01
 """What a piece counts at least, so that a cell has a mean where all of its pieces are in a gap."""
 FACES = 6
 """Directions that surfaces of a cell face: +x, -x, +y, -y, +z, -z."""
+BEFORE = 0.01
+"""Cells before a surface that it is looked up, as VOLUME_BEFORE of kernels/radiosity/volume.clh."""
+LEAST_DIVIDED = 0.02
+"""Part of the surfaces of a cell that face alike that a plane must hide from the others to divide it."""
+MOST_ASTRAY = 0.1
+"""Part of them that may lie on the wrong side of it."""
+
+BEYOND = 0.1
+"""Cells beyond which a plane divides no cell: one along the sides of cells decides where they look for surfaces."""
+LOOK = 0.25
+"""Cells above their surfaces at which pieces look at each other."""
+
+_AROUND = np.array(sorted(itertools.product((-1, 0, 1), repeat=3), key=lambda step: sum(map(abs, step))))
+"""Steps to cells and those around them, the nearest first."""
+
+Planes = Callable[[NDArray[np.intp], float], Doubles]
+"""Takes for each piece the number of another in its cell, and a height above both, scene units.
+
+Returns [n, 4] the plane of what hides one from the other: its normal, towards the other, and where it is along that; 0
+where nothing does."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,16 +76,20 @@ class LightVolume:
     it.
 
     Attributes:
-        cells: [CELLS by z, CELLS by y, CELLS by x] int32: the number of a record.
+        cells: [CELLS by z, CELLS by y, CELLS by x] int32: the number of a record, or -1 - that of a plane.
         records: [count, FACES, 4] float32: radiance, W m^-2 sr^-1, and area, in sides of cells squared.
         low: [3] float64, the corner of least coordinates of the cube, scene units.
         extent: of its side, scene units.
+        planes: [planes, 4] float32 that divide cells: normals, and where they are along these, in cells from `low`.
+        sides: [planes, 2] int32: the numbers of the records before and behind each.
     """
 
     cells: NDArray[np.int32]
     records: NDArray[np.float32]
     low: Doubles
     extent: float
+    planes: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 4), np.float32))
+    sides: NDArray[np.int32] = field(default_factory=lambda: np.zeros((0, 2), np.int32))
 
     @property
     def side(self) -> float:
@@ -73,7 +99,8 @@ class LightVolume:
 
 def device_volume(runtime: Runtime, volume: LightVolume) -> tuple[DeviceArray, DeviceArray]:
     """Return the cells and records of a volume in device memory, as kernels/radiosity/volume.clh reads them."""
-    return runtime.array(volume.cells.ravel()), runtime.array(volume.records.ravel())
+    planes = np.column_stack([volume.planes.view(np.int32), volume.sides]).ravel()
+    return runtime.array(np.concatenate([volume.cells.ravel(), planes])), runtime.array(volume.records.ravel())
 
 
 class SurfaceCells:
@@ -88,10 +115,18 @@ class SurfaceCells:
         unlit: of surfaces that no light reaches: black where no other within `NEAR` faces the same way.
         shown: [lit pieces] what each counts for its cell, 0 to 1: the part of its hemisphere that is open to beyond the
             cell. Rays from afar come to a piece in that proportion, seldom into a gap.
+        planes: finds what divides cells into two spaces that do not see each other, such as walls; each side of it
+            then has a mean of its own.
     """
 
     def __init__(
-        self, lit: Pieces, low: Doubles, extent: float, unlit: Pieces | None = None, shown: Doubles | None = None
+        self,
+        lit: Pieces,
+        low: Doubles,
+        extent: float,
+        unlit: Pieces | None = None,
+        shown: Doubles | None = None,
+        planes: Planes | None = None,
     ) -> None:
         self.low, self.extent = low, extent
         self._shown = np.ones(len(lit.area)) if shown is None else np.maximum(shown, LEAST_SHOWN)
@@ -102,14 +137,27 @@ class SurfaceCells:
         there[own] = there[others] = True
         there[0] |= not there.any()
         place = np.flatnonzero(there)
-        number = np.cumsum(there) - 1
-        nearest = _nearest(there)
-        self.cells = number[np.ravel_multi_index(tuple(nearest), shape)].astype(np.int32).reshape(shape)
-        self._slots = _Slots.of(number[own], lit.normal)
-        black = _Slots.of(number[others], dark.normal).sums(dark.area, len(place))
+        number = (np.cumsum(there) - 1).astype(np.int32)
+        divided, self._planes = own[:0], np.zeros((0, 4))
+        if planes is not None and len(own):
+            divided, self._planes = self._divide(lit, own, there, planes)
+        # Records behind planes follow those of all cells.
+        self._sides = np.stack([number[divided], len(place) + np.arange(len(divided))], axis=1).astype(np.int32)
+        place = np.concatenate([place, divided])
+        number[divided] = -1 - np.arange(len(divided))
+        nearest, occupied = _nearest(there), there
+        self.cells = number[np.ravel_multi_index(tuple(nearest), shape)].reshape(shape)
+        self._slots = _Slots.of(self._records(own, lit), lit.normal)
+        black = _Slots.of(self._records(others, dark), dark.normal).sums(dark.area, len(place))
         area = self._slots.sums(lit.area, len(place))
         # Slots are numbered record by record.
         self._near = np.arange(len(place) * FACES).reshape(-1, FACES)
+        # What is on one side of a plane looks for surfaces from there.
+        middle: Doubles = np.stack(np.unravel_index(place, shape))[::-1].T + np.float64(0.5)
+        aside: Doubles = middle.copy()
+        aside[self._sides] += self._planes[:, None, :3] * np.array([1.0, -1.0])[:, None]
+        z, y, x = np.clip(aside.astype(np.intp), 0, CELLS - 1).T[::-1]
+        around = np.ravel_multi_index((z, y, x), shape)
         for face in range(FACES):
             known = area[:, face] > 1e-6 * area[:, face].max(initial=0.0)
             area[~known, face] = 0.0
@@ -119,11 +167,23 @@ class SurfaceCells:
             if known.any():
                 there = np.zeros(CELLS**3, np.bool_)
                 there[place[known]] = True
-                nearest = _nearest(there)[:, place]
-                away = np.stack(np.unravel_index(place, shape)) - nearest
-                alone &= (away**2).sum(axis=0) > NEAR**2
-                given = ~known & ~alone
-                found = number[np.ravel_multi_index(tuple(nearest[:, given]), shape)]
+                nearest = _nearest(there)
+                alone &= ((middle[:, ::-1].T - 0.5 - nearest[:, place]) ** 2).sum(axis=0) > NEAR**2
+                given = np.flatnonzero(~known & ~alone)
+                cell = number[np.ravel_multi_index(tuple(nearest[:, around[given]]), shape)]
+                found = self._resolved(cell, aside[given])
+                # Of a plane's sides one may have none.
+                empty = np.flatnonzero(~known[found])
+                sides = self._sides[-1 - cell[empty]]
+                found[empty] = np.where(known[sides[:, 0]], sides[:, 0], sides[:, 1])
+                for step in _AROUND:
+                    to = np.clip(aside[given[empty]] + step, 0, CELLS - 1).astype(np.intp)
+                    other = self._resolved(
+                        number[(to[:, 2] * CELLS + to[:, 1]) * CELLS + to[:, 0]], aside[given[empty]]
+                    )
+                    there_too = occupied[(to[:, 2] * CELLS + to[:, 1]) * CELLS + to[:, 0]] & known[other]
+                    found[empty[there_too]] = other[there_too]
+                    empty = empty[~there_too]
                 self._near[given, face] = found * FACES + face
             area[alone, face] = black[alone, face]
         self._area = area
@@ -146,13 +206,71 @@ class SurfaceCells:
         radiance = self._slots.mean(flux * self._shown[:, None], self._seen)
         if also is not None:
             pieces, sent = also
-            slots = _Slots.of(self.cells.ravel()[self._cell(pieces.position)], pieces.normal)
+            slots = _Slots.of(self._records(self._cell(pieces.position), pieces), pieces.normal)
             # Pieces are few: those of some surfaces may have missed a cell that others lie in.
             radiance += slots.mean(sent, np.maximum(self._seen, slots.sums(pieces.area, count)))
         records = np.empty((count, FACES, 4), np.float32)
         records[..., :3] = np.minimum(radiance, BRIGHTEST).astype(np.float32).take(self._near, axis=0)
         records[..., 3] = self.area
-        return LightVolume(self.cells, records, self.low, self.extent)
+        planes = self._planes.astype(np.float32)
+        return LightVolume(self.cells, records, self.low, self.extent, planes, self._sides)
+
+    def _records(self, cell: NDArray[np.intp], pieces: Pieces) -> NDArray[np.intp]:
+        """Return the numbers of the records of pieces that lie in cells."""
+        return self._resolved(
+            self.cells.ravel()[cell], (pieces.position - self.low) / self.side + BEFORE * pieces.normal
+        )
+
+    def _resolved(self, number: NDArray[np.int32], place: Doubles) -> NDArray[np.intp]:
+        """Return records for what cells have, at places in cells."""
+        found = number.astype(np.intp)
+        two = np.flatnonzero(number < 0)
+        plane = -1 - found[two]
+        behind = np.einsum("nc,nc->n", self._planes[plane, :3], place[two]) < self._planes[plane, 3]
+        found[two] = self._sides[plane, behind.astype(np.intp)]
+        return found
+
+    def _divide(
+        self, pieces: Pieces, cell: NDArray[np.intp], there: NDArray[np.bool_], planes: Planes
+    ) -> tuple[NDArray[np.intp], Doubles]:
+        """Return numbers of cells of which parts hide from each other, and planes between these, in cells.
+
+        Pieces of a cell that face the same way look at that of them which is shown most, and at those of the cells
+        beside. A plane divides its cell, that which was looked at, and others round it that it cuts.
+        """
+        weight = pieces.area * self._shown
+        group = cell * FACES + np.stack([pieces.normal, -pieces.normal], axis=-1).reshape(-1, FACES).argmax(axis=1)
+        order = np.lexsort((-weight, group))
+        names, first, member = np.unique(group[order], return_index=True, return_inverse=True)
+        member[order] = member.copy()
+        most = order[first]
+        at = pieces.position + BEFORE * self.side * pieces.normal
+        cells: list[NDArray[np.intp]] = []
+        found: list[Doubles] = []
+        merit: list[Doubles] = []
+        for step in (0, 1, -1, CELLS, -CELLS, CELLS * CELLS, -CELLS * CELLS):
+            beside = np.minimum(np.searchsorted(names, names + step * FACES), len(names) - 1)
+            exists = names[beside] == names + step * FACES
+            partner = np.where(exists[member], most[beside[member]], np.arange(len(member)))
+            seen = planes(partner, LOOK * self.side)
+            hidden = seen.any(axis=1) & exists[member]
+            apart = np.bincount(member, np.where(hidden, weight, 0.0), len(names))
+            # The plane that hides the heaviest of each group.
+            order = np.lexsort((np.where(hidden, -weight, 0.0), member))
+            chosen = seen[order[np.searchsorted(member[order], np.arange(len(names)))]]
+            own = chosen[member]
+            behind = np.einsum("nc,nc->n", own[:, :3], at) < own[:, 3]
+            total = np.bincount(member, weight, len(names))
+            astray = np.bincount(member, weight * (behind != hidden), len(names))
+            good = exists & (apart > LEAST_DIVIDED * total) & (astray < MOST_ASTRAY * np.minimum(total, 5.0 * apart))
+            good = np.flatnonzero(good & chosen.any(axis=1))
+            for side in (0, step) if step else (0,):
+                cells.append(names[good] // FACES + side)
+                found.append(chosen[good])
+                merit.append(apart[good].astype(np.float64))
+        cell, plane, share = np.concatenate(cells), np.concatenate(found), np.concatenate(merit)
+        plane[:, 3] = (plane[:, 3] - plane[:, :3] @ self.low) / self.side
+        return _spread(cell, plane, share, there)
 
     def _cell(self, position: Doubles) -> NDArray[np.intp]:
         x, y, z = np.clip(((position - self.low) / self.side).astype(np.intp), 0, CELLS - 1).T
@@ -168,6 +286,34 @@ def _nearest(there: NDArray[np.bool_]) -> NDArray[np.int32]:
     grid = ~there.reshape(shape)
     found: NDArray[np.int32] = ndimage.distance_transform_edt(grid, return_distances=False, return_indices=True)
     return found.reshape(3, -1)
+
+
+def _spread(
+    cell: NDArray[np.intp], planes: Doubles, merit: Doubles, there: NDArray[np.bool_]
+) -> tuple[NDArray[np.intp], Doubles]:
+    """Return cells that planes cut and that surfaces lie in, one plane for each.
+
+    A cell's own counts before those of cells round it, as pieces are few and may have missed one side.
+
+    Args:
+        cell: [n] in which each plane was found.
+        planes: [n, 4] in cells.
+        merit: [n] the greater counts.
+        there: [cells] whether surfaces lie in it.
+    """
+    shape = (CELLS, CELLS, CELLS)
+    near = (np.stack(np.unravel_index(cell, shape), axis=1)[:, None] + _AROUND).reshape(-1, 3)
+    number = np.repeat(np.arange(len(cell)), len(_AROUND))
+    far = np.tile((_AROUND**2).sum(axis=1), len(cell))
+    within = ((near >= 0) & (near < CELLS)).all(axis=1)
+    near, number, far = near[within], number[within], far[within]
+    to = np.ravel_multi_index(tuple(near.T), shape)
+    off = np.einsum("nc,nc->n", planes[number, :3], near[:, ::-1] + 0.5) - planes[number, 3]
+    cut = there[to] & (np.abs(off) < BEYOND + 0.5 * np.abs(planes[number, :3]).sum(axis=1))
+    to, number, far = to[cut], number[cut], far[cut]
+    order = np.lexsort((-merit[number], far, to))
+    cells, first = np.unique(to[order], return_index=True)
+    return cells, planes[number[order][first]]
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from typing import NamedTuple, TypedDict, Unpack
 
 import numpy as np
@@ -26,7 +26,7 @@ from ssgi_cl.techniques.radiosity.even_light import EvenLight, even_and_bright
 from ssgi_cl.techniques.radiosity.light_volume import CELLS, LightVolume, Pieces, SurfaceCells
 from ssgi_cl.techniques.radiosity.sky_directions import sky_directions
 from ssgi_cl.techniques.radiosity.surfel_history import STEADY_LIGHTS, SurfelHistory
-from ssgi_cl.techniques.radiosity.surfel_rays import SurfelRays, open_shares
+from ssgi_cl.techniques.radiosity.surfel_rays import SurfelRays, hiding_planes, open_shares
 from ssgi_cl.techniques.radiosity.surfels import Surfels
 from ssgi_cl.techniques.radiosity.surfels_on_device import DeviceSurfels
 from ssgi_cl.techniques.technique import Bench, Technique
@@ -224,7 +224,8 @@ class Radiosity(Prepared[RadiosityParams]):
         if exact and len(surfels):
             shown = open_shares(runtime, scene, surfels, OPEN_CELLS * extent / CELLS)
         unlit = _parts(device.unlit)
-        self._cells = cache(lambda: SurfaceCells(pieces, low, extent, unlit, shown))
+        planes = partial(hiding_planes, runtime, scene, surfels) if shown is not None else None
+        self._cells = cache(lambda: SurfaceCells(pieces, low, extent, unlit, shown, planes))
         self._hidden = np.zeros(len(surfels.part_area), np.bool_)
         if shown is not None:
             self._hidden = shown < GAP

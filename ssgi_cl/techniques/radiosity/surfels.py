@@ -270,7 +270,7 @@ def _points(scene: Scene, count: int, shares: TriangleShares) -> tuple[Any, ...]
         if material.emits and material.emission_texture >= 0:
             emission[own] *= BYTES[_nearest(scene, material.emission_texture, uvs[own])[:, :3]]
     # What lobes reflect goes every way.
-    albedo += np.array([m.specular for m in scene.materials])[ids]
+    albedo += np.array([m.spread for m in scene.materials])[ids]
     cross = np.stack(_cross(scene, triangle), axis=1)
     double = np.sqrt(np.einsum("nc,nc->n", cross, cross))
     area = total / count / shares.density[triangle]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -104,6 +105,58 @@ def test_pieces_count_as_they_are_shown() -> None:
     cells = SurfaceCells(both[0], LOW, EXTENT, shown=np.array((0.75, 0.25)))
     record = at(cells.light(both[1]), 4, 5, 6)[0]
     np.testing.assert_allclose(record, [*[0.75 * 1.0 + 0.25 * 5.0] * 3, 0.004 / SIDE**2], rtol=1e-6)
+
+
+def test_a_wall_divides_the_cells_that_it_cuts() -> None:
+    """Floor on both sides of a wall at .3 of a cell, which slants by a fifth of a cell for each, and its neighbours."""
+    wall = np.array((1.0, 0.0, 0.2)) / math.hypot(1.0, 0.2)
+    near, far, next_to = ([*centre(8, 5, 6)] for _ in range(3))
+    near[0] -= 0.4 * SIDE
+    far[0] += 0.4 * SIDE
+    next_to[2] += SIDE
+    next_to[0] += 0.3 * SIDE
+    lit = light([near, far, next_to], [[0, 1, 0]] * 3, [0.002, 0.001, 0.001], [math.pi, 7 * math.pi, 5 * math.pi])
+    at_wall = wall @ (np.array(centre(8, 5, 6)) - np.array((0.2 * SIDE, 0.0, 0.0)))
+    beyond = np.sign(lit[0].position @ wall - at_wall)
+
+    def planes(partner: NDArray[np.intp], height: float) -> Doubles:
+        """Pieces on other sides of the wall do not see each other."""
+        assert 0.0 < height < SIDE
+        towards = np.where(beyond[partner] != beyond, beyond[partner], 0.0)
+        return towards[:, None] * np.append(wall, at_wall)
+
+    cells = SurfaceCells(lit[0], LOW, EXTENT, planes=planes)
+    volume = cells.light(lit[1])
+
+    def seen(x: float, z: float, place: float) -> NDArray[np.float32]:
+        """Return what faces up at `place` cells from the left side of cell (x, 5, z)."""
+        number = volume.cells[int(z), 5, int(x)]
+        assert number < 0
+        plane, (before, behind) = volume.planes[-1 - number], volume.sides[-1 - number]
+        side = plane[:3] @ np.array((x + place, 5.5, z + 0.5)) < plane[3]
+        return volume.records[behind if side else before, 2]
+
+    assert len(volume.planes) == 2
+    for place, sent, area in ((0.1, 1.0, 0.002), (0.2, 1.0, 0.002), (0.4, 7.0, 0.001), (0.9, 7.0, 0.001)):
+        np.testing.assert_allclose(seen(8, 6, place), [*[sent] * 3, area / SIDE**2], rtol=1e-6)
+    # The cell behind has surfaces on one side of the wall alone, and those of the other from where it has some.
+    np.testing.assert_allclose(seen(8, 7, 0.9)[:3], 5.0, rtol=1e-6)
+    np.testing.assert_allclose(seen(8, 7, 0.01)[:3], 1.0, rtol=1e-6)
+
+
+def test_planes_that_do_not_part_what_is_hidden_divide_nothing() -> None:
+    """What hides one piece from another may be bent, and lie with its plane on one side of both."""
+    two = [[*centre(8, 5, 6)] for _ in range(2)]
+    two[0][0] -= 0.3 * SIDE
+    two[1][0] += 0.3 * SIDE
+    lit = light(two, [[0, 1, 0]] * 2, [0.002, 0.001], [1.0, 2.0])
+    for x, y, count in ((1.0, 0.0, 0), (0.0, 1.0, 0), (-1.0, 0.0, 1)):
+        off = (x, y, 0.0) @ (np.array(centre(8, 5, 6)) - np.array((0.1, 0.2, 0.0)) * SIDE)
+
+        def planes(partner: NDArray[np.intp], _: float, plane: Any = (x, y, 0.0, off)) -> Doubles:
+            return np.where((np.arange(2) == 1) & (partner == 0), 1.0, 0.0)[:, None] * np.array(plane)
+
+        assert len(SurfaceCells(lit[0], LOW, EXTENT, planes=planes).light(lit[1]).planes) == count
 
 
 def test_without_surfaces_it_is_black() -> None:

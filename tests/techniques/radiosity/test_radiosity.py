@@ -199,6 +199,20 @@ def test_a_furnace_gives_the_geometric_series(runtime: Runtime, albedo: float) -
     assert mean(made, sent) == pytest.approx(math.pi / (1.0 - albedo), rel=0.01)
 
 
+@pytest.mark.parametrize("gloss", [1.0, 6.0, 30.0])
+def test_a_furnace_of_metal_loses_what_lobes_have_below_surfaces(runtime: Runtime, gloss: float) -> None:
+    """In red, where nothing is absorbed, that alone ends the series."""
+    room = box(0.0, 1.0)
+    metal = Material(albedo=(0.0,) * 3, emission=(1.0,) * 3, specular=(1.0, 0.77, 0.34), gloss=gloss)
+    made = solved(runtime, replace(room, materials=(metal,)))
+    # (n + 1) cos^n a sin a (1 + cos a) / 2, integrated over a from 0 to 90 degrees.
+    share = 0.5 * (1.0 + (gloss + 1.0) / (gloss + 2.0))
+    albedo = share * np.array([1.0, 0.77, 0.34])
+    sent = made.surfels.area @ (math.pi + albedo * made.irradiance) / made.surfels.area.sum()
+    # Series end where .2 % of the flux is left.
+    np.testing.assert_allclose(sent, math.pi / (1.0 - albedo), rtol=0.02)
+
+
 @pytest.mark.parametrize("albedo", [0.5, 0.8])
 def test_a_furnace_with_a_bend(runtime: Runtime, albedo: float) -> None:
     made = solved(runtime, l_room(albedo, 1.0))
@@ -345,8 +359,8 @@ def test_surfaces_in_a_narrow_gap_see_out_of_its_slit_alone(runtime: Runtime) ->
     assert sees[np.ix_(on_top, above)].mean() > 0.5
 
 
-def two_rooms(emission: float = 0.0, door: float = 0.0) -> Scene:
-    """Two closed rooms side by side, x below and above 0, and a door of some width in the wall.
+def two_rooms(emission: float = 0.0, door: float = 0.0, right: float = 2.0) -> Scene:
+    """Two closed rooms side by side, x below and above 0 up to `right`, and a door of some width in the wall.
 
     In the left one a plate may emit.
     """
@@ -358,11 +372,11 @@ def two_rooms(emission: float = 0.0, door: float = 0.0) -> Scene:
         triangles.extend([(first, first + 1, first + 2), (first, first + 2, first + 3)])
         ids.extend([material] * 2)
 
-    for low, high in ((-2.0, 0.0), (0.0, 2.0)):
+    for low, high in ((-2.0, 0.0), (0.0, right)):
         for y in (-1.0, 1.0):
             quad((low, y, -1), (high, y, -1), (high, y, 1), (low, y, 1))
             quad((low, -1, y), (high, -1, y), (high, 1, y), (low, 1, y))
-    for x in (-2.0, 2.0):
+    for x in (-2.0, right):
         quad((x, -1, -1), (x, 1, -1), (x, 1, 1), (x, -1, 1))
     half = door / 2
     quad((0, -1, -1), (0, 1, -1), (0, 1, -half), (0, -1, -half))
@@ -389,6 +403,26 @@ def test_light_through_a_door_gives_both_rooms_surfels(runtime: Runtime) -> None
     scene = two_rooms(door=0.5)
     right = solved(runtime, scene, (LEFT,)).surfels.position[:, 0] + scene.origin[0] > 0.02
     assert 0.4 < right.mean() < 0.6
+
+
+@pytest.mark.parametrize("right", [2.0, 2.03, 2.0625, 2.09])
+def test_no_light_passes_a_wall_within_a_cell(runtime: Runtime, right: float) -> None:
+    """A dim room beside one that is 280 times as bright and shut off: what it receives does not depend on that.
+
+    Cells of the light volume that the wall cuts have floor of both rooms in them; undivided, they let through .6 to .8
+    of the dim room's light.
+    """
+    lamp = SpotLight((1.0, -0.2, 0.0), (0, -1, 0), 1.0, 0.01)
+    found = []
+    for emission in (4.0, 4e-6):  # so that both rooms have surfels
+        scene = two_rooms(emission, right=right)
+        made = solved(runtime, scene, (lamp,), surfels=2048)
+        place = made.surfels.position + scene.origin + 0.01 * made.surfels.normal
+        light = made.surfels.area * made.irradiance[:, 0]
+        dim = place[:, 0] > 0.0
+        found.append((light[dim].sum(), light[~dim].sum()))
+    assert found[0][1] > 200.0 * found[0][0]
+    assert found[0][0] == pytest.approx(found[1][0], rel=1e-3)
 
 
 def test_a_light_that_moves_to_another_room_takes_the_surfels_along(runtime: Runtime) -> None:

@@ -117,6 +117,11 @@ def test_kernels_agree_with_the_reference(variant_runtime: Runtime, rng: np.rand
     assert (off < 2e-3).mean() > 0.85
     assert np.quantile(off, 0.995) < 0.1
     assert abs(float((found - expected).mean())) < 2e-3 * float(expected.mean())
+    # What lobes spread is all light here. Of lobes with an exponent of 7 a share of .056 lies below surfaces.
+    arriving, _ = arriving_reference(screen, 0.0 * radiance, light, 0.0 * sky, DEFAULTS.rays)
+    expected = added_reference(gbuffer, arriving)
+    found = added(variant_runtime, gbuffer, 0.0, light, Environment(0.0))
+    assert float(found.mean()) == pytest.approx(float(expected.mean()), rel=0.01)
 
 
 def test_sky_is_averaged_over_the_lobe(runtime: Runtime) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -35,7 +37,7 @@ class SceneBvh:
         self.triangles = runtime.array(bvh.triangles)
         by_one = runtime.variant.lanes > 1 and len(bvh.triangles) > MANY
         self.first_macros = {"RAYS_ONE": int(by_one)}
-        self.first = {"nodes": self.nodes, "blocks": self.nodes, "triangles": self.triangles}
+        self.first: dict[str, Any] = {"nodes": self.nodes, "blocks": self.nodes, "triangles": self.triangles}
         if by_one:
             wide = wide_bvh_of(bvh, runtime.variant.lanes)
             self.first |= {"nodes": runtime.array(wide.nodes), "blocks": runtime.array(wide.blocks)}

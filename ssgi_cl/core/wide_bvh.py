@@ -69,7 +69,7 @@ def wide_bvh_of(bvh: Bvh, width: int) -> WideBvh:
         children.append(child)
         numbers.append(number)
         held.append(child[block])
-        made, blocks, above = made + len(above), blocks + np.count_nonzero(block), child[~block]
+        made, blocks, above = made + len(above), blocks + int(np.count_nonzero(block)), child[~block]
     nodes = np.empty((made, ROWS, width), np.float32)
     nodes[:, 0:3], nodes[:, 3:6], nodes[:, 6] = np.inf, -np.inf, 0.0
     parent, place, child = np.concatenate(parents), np.concatenate(places), np.concatenate(children)

@@ -2,8 +2,9 @@
 
 `oclgrind --inst-counts python -m ssgi_cl.bench.counted_work FILE > LOG` draws small frames with default settings and
 notes the launches (with --build-options as in tests/stress/test_memory.py), `python -m ssgi_cl.bench.counted_work FILE
---log LOG` makes `counted_work.json` of both; of a log that ends early, what it has. What is counted is a work-item's:
-that of image kernels does not grow with the image.
+--log LOG` makes `counted_work.json` of both; of a log that ends early, what it has, and kernels that it lacks keep what
+they had. What is counted is a work-item's: that of image kernels does not grow with the image. `--rays` draws frames
+with rays against triangles in place of the others, of which the simulator runs some work-groups alone (`FEW`).
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from __future__ import annotations
 import json
 import re
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
 from math import prod
@@ -38,6 +39,18 @@ TEXELS = 64
 """Along a side of the lights' maps."""
 LIGHTS = 256
 """Virtual point lights."""
+RAY_SIZE, RAY_TEXELS, RAY_LIGHTS = (12, 16), 16, 64
+"""Likewise with `--rays`."""
+FEW = {
+    "sky_probe": 1, "sky_rays": 3, "radiosity_sky": 1, "radiosity_rays": 3, "radiosity_bounce": 3, "final_gather": 3,
+    "shade_list": 3, "reflect_mirror": 3,
+    "radiosity_emission": 1, "radiosity_room": 1, "radiosity_start": 1, "radiosity_visibility": 2, "radiosity_first": 2,
+    "radiosity_direct": 2, "radiosity_mirror": 2, "radiosity_gather": 2, "occupancy_voxelize": 1, "vpl_partial_sums": 1,
+}  # fmt: skip
+"""Kernel -> work-groups of a launch that the simulator runs with `--rays`, spread evenly; it takes an hour for some of
+these in full. What the others would have written is not there for later kernels."""
+WITH_RAYS = tuple(FEW)[:8]
+"""Of these, those that `--rays` counts; of other kernels it counts what is not counted yet."""
 _ARITHMETIC = re.compile(
     r"f?(?:add|sub|mul|neg|cmp)|[fsu]div|[fsu]rem|icmp|and|or|xor|shl|[al]shr|select|[su]itofp|fpto[su]i|call _Z.*"
 )
@@ -152,19 +165,36 @@ def per_item(launches: Iterable[tuple[str, int]], log: Iterable[str]) -> dict[st
     return {name: Work(*(round(each / total[3], 2) for each in total[:3])) for name, total in sorted(sums.items())}
 
 
-def _draw(path: Path) -> None:
+def _spread(work: Sequence[int], local: Sequence[int], few: int) -> Iterator[tuple[int, int]]:
+    """Yield the first work-items of some work-groups of a launch, spread evenly."""
+    columns, rows = (count // own for count, own in zip(work, local, strict=True))
+    for number in range(few):
+        group = (2 * number + 1) * columns * rows // (2 * few)
+        yield group % columns * local[0], group // columns * local[1]
+
+
+def _draw(path: Path, rays: bool) -> None:
     """Draw frames and call techniques on the first device, and note the launches."""
     cl = opencl()
     noted: list[tuple[str, int]] = []
     launch = cl.enqueue_nd_range_kernel
 
-    def noting(queue: Any, kernel: Any, work: Any, *rest: Any) -> Any:
+    def note(queue: Any, kernel: Any, work: Sequence[int], *rest: Any) -> Any:
         noted.append((kernel.function_name, prod(work)))
         path.write_text(json.dumps(noted), encoding="utf-8")
         return launch(queue, kernel, work, *rest)
 
+    def noting(queue: Any, kernel: Any, work: Sequence[int], local: Sequence[int], *rest: Any) -> Any:
+        few = FEW.get(kernel.function_name, 0) if rays else 0
+        if few == 0 or prod(work) <= few * prod(local):
+            return note(queue, kernel, work, local, *rest)
+        return [note(queue, kernel, local, local, first) for first in _spread(work, local, few)][-1]
+
     cl.enqueue_nd_range_kernel = noting
     runtime = Runtime(DeviceInfo("", 0, 0, "the first device", "gpu", 1), KernelVariant(1, "buffer"))
+    if rays:
+        _draw_rays(runtime)
+        return
     made = make_scene("cornell_box")
     rows, columns = SIZE
     camera = made.camera(columns, rows)
@@ -180,10 +210,20 @@ def _draw(path: Path) -> None:
     gi.bilateral_blur(np.asarray(gbuffer.albedo), gbuffer, runtime=runtime)
     gi.area_lights(gbuffer, scene=made.scene, runtime=runtime)
     gi.multires_splat(gbuffer, rsm, LIGHTS, runtime=runtime)
-    # All light, with rays against triangles; and what is reflected, below a sky.
-    gi.render(made.scene, camera, made.lights, vpls=LIGHTS, edges=0, **sizes)
-    lit = [*made.lights, gi.Environment(1.0)]
-    gi.render(polished(made.scene), camera, lights=lit, vpls=LIGHTS, preset="low", **sizes)
+
+
+def _draw_rays(runtime: Runtime) -> None:
+    """Draw frames of all light, with rays against triangles, and of what is reflected, below a sky."""
+    made = make_scene("cornell_box")
+    camera = made.camera(RAY_SIZE[1], RAY_SIZE[0])
+    gbuffer = gi.rasterize.gbuffer(made.scene, camera, runtime=runtime)
+    spot = next(light for light in made.lights if isinstance(light, gi.SpotLight))
+    rsm = gi.rasterize.rsm(made.scene, spot, size=RAY_TEXELS, runtime=runtime)
+    gi.sky_rays(gbuffer, [gi.Environment(1.0)], scene=made.scene, runtime=runtime)
+    gi.multires_splat(gbuffer, rsm, RAY_LIGHTS, visibility=True, scene=made.scene, runtime=runtime)
+    sizes: dict[str, Any] = {"vpls": RAY_LIGHTS, "shadow_size": RAY_TEXELS, "rsm_size": RAY_TEXELS, "runtime": runtime}
+    gi.render(made.scene, camera, made.lights, edges=0, **sizes)
+    gi.render(polished(made.scene), camera, [*made.lights, gi.Environment(1.0)], preset="low", edges=0, **sizes)
 
 
 def _write_page() -> None:
@@ -197,14 +237,17 @@ def _write_page() -> None:
 @click.command()
 @click.argument("launches", type=click.Path(path_type=Path))
 @click.option("--log", type=click.Path(path_type=Path, exists=True), help="Make the record of this log.")
-def main(launches: Path, log: Path | None) -> None:
+@click.option("--rays", is_flag=True, help="Count rays against triangles.")
+def main(launches: Path, log: Path | None, rays: bool) -> None:
     """Note LAUNCHES, a JSON file, while a simulator counts; or record what it has counted."""
     if log is None:
-        _draw(launches)
+        _draw(launches, rays)
         return
     with log.open(encoding="utf-8", errors="replace") as lines:
         found = per_item(json.loads(launches.read_text(encoding="utf-8")), lines)
-    entries = ",\n".join(f' "{name}": {json.dumps(asdict(work))}' for name, work in found.items())
+    kept = {name: work for name, work in counted().items() if not rays or name not in WITH_RAYS or name not in found}
+    found = {**found, **kept} if rays else {**kept, **found}
+    entries = ",\n".join(f' "{name}": {json.dumps(asdict(work))}' for name, work in sorted(found.items()))
     with replacement(RECORD) as file:
         file.write_text(f"{{\n{entries}\n}}\n", encoding="utf-8")
     _write_page()

@@ -20,7 +20,9 @@
 //          sample are dealt out, 1 or, with one lane, a power of two up to SSGI_GROUP
 // Params:  RaysParams; GatherParams: cells of the volume per unit of the hierarchy's space and
 // where
-//          its origin is in cells; length of rays; columns and rows that the tiles are moved by
+//          its origin is in cells; length of rays; columns and rows that the tiles are moved by;
+//          begin, most: pieces of SSGI_LANES samples before those of the launch, and its own at
+//          most
 // Launch:  any number of work-items, each of which takes every so-many-th piece of SSGI_LANES; with
 //          more GATHER_ITEMS as many as samples have, in work-groups of SSGI_GROUP
 // Cost:    a walk through the hierarchy and 13 reads for each ray
@@ -56,16 +58,16 @@ final_gather(ssgi_plane depth, ssgi_plane normal, __global const int *restrict l
              const RaysParams rays, __global const int *restrict cells,
              __global const float *restrict volume, ssgi_plane fractions,
              __global float *restrict values, const int2 size, const SsgiCamera camera,
-             const VplParams params, const GatherParams gather)
+             const VplParams params, const GatherParams gather, const int begin, const int most)
 {
     const int listed = list[0];
     const vfloat zero = v_splat(0.0f);
-    const int pieces = (listed + SSGI_LANES - 1) / SSGI_LANES;
+    const int pieces = min((listed + SSGI_LANES - 1) / SSGI_LANES, begin + most);
 #if GATHER_ITEMS > 1
     __local float found[GATHER_CHANNELS * GATHER_RAYS * GATHER_SAMPLES]; // by each ray
     const int sample = (int)get_local_id(0) / GATHER_ITEMS;
     const int item = (int)get_local_id(0) % GATHER_ITEMS;
-    const int first = (int)get_group_id(0) * GATHER_SAMPLES; // the same in a work-group
+    const int first = begin + (int)get_group_id(0) * GATHER_SAMPLES; // of a work-group
     if (first >= pieces) {
         return;
     }
@@ -73,7 +75,8 @@ final_gather(ssgi_plane depth, ssgi_plane normal, __global const int *restrict l
     {
 #else
     const int item = 0;
-    for (int turn = 0, own = cut_own(0, pieces); own < pieces; own = cut_own(++turn, pieces)) {
+    for (int turn = 0; cut_own(turn, pieces - begin) < pieces - begin; ++turn) {
+        const int own = begin + cut_own(turn, pieces - begin);
 #endif
         const vint pixel = cut_pixels(list, own * SSGI_LANES);
         const vint column = pixel & 0xffff, row = pixel >> 16;

@@ -22,16 +22,15 @@ __kernel void raster_vertices(__global const float *restrict positions,
 {
     const int i = (int)get_global_id(0) * SSGI_LANES;
     const int stride = (size.x + 15) & ~15;
+    const int own = (int)get_global_id(0), items = (int)get_global_size(0);
+    for (int j = own; j < RASTER_COUNTERS; j += items) {
+        counters[j] = 0;
+    }
+    for (int j = own; j < 2 * to_view.tiles_x * to_view.tiles_y; j += items) {
+        tiles[j] = 0;
+    }
     if (i >= size.x) {
         return;
-    }
-    if (i == 0) {
-        for (int j = 0; j < RASTER_COUNTERS; ++j) {
-            counters[j] = 0;
-        }
-        for (int j = 0; j < 2 * to_view.tiles_x * to_view.tiles_y; ++j) {
-            tiles[j] = 0;
-        }
     }
     const vfloat x = v_load(positions + i);
     const vfloat y = v_load(positions + stride + i);

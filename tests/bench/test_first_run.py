@@ -75,9 +75,8 @@ WATCHDOG_MS = 2000.0
 
 def test_no_launch_of_a_pixel_each_outlasts_a_displays_watchdog() -> None:
     items = {name: ITEMS.get(name, PIXELS) for name in counted()}
-    late = {name for name, work in counted().items() if predicted_ms(work, items[name], SLOW_GPU) > WATCHDOG_MS}
     # By bytes as if nothing were cached, and by a work-item a pixel, where it has one for each point of few pixels.
-    assert late == {"shade_list"}
+    assert max(predicted_ms(work, items[name], SLOW_GPU) for name, work in counted().items()) < WATCHDOG_MS
     computing = {name: items[name] * work.operations / (1e6 * SLOW_GPU.gflop_s) for name, work in counted().items()}
     assert max(computing.values()) < 0.1 * WATCHDOG_MS
 

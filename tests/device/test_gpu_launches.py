@@ -15,15 +15,20 @@ from ssgi_cl.device.drivers import KernelVariant
 from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import cornell_box
+from ssgi_cl.techniques.multires import final_gather
 from ssgi_cl.techniques.vpl.packed_vpls import BATCH
+
+
+def gpu(runtime: Runtime) -> Runtime:
+    own = Runtime(runtime.info, KernelVariant(1, "buffer"))
+    own.info = replace(own.info, kind="gpu")
+    return own
 
 
 @pytest.fixture(scope="module")
 def as_gpu(runtime: Runtime) -> Runtime:
     """The default device, driven as if it were a GPU."""
-    own = Runtime(runtime.info, KernelVariant(1, "buffer"))
-    own.info = replace(own.info, kind="gpu")
-    return own
+    return gpu(runtime)
 
 
 def drawn(runtime: Runtime) -> list[np.ndarray]:
@@ -44,6 +49,22 @@ def drawn(runtime: Runtime) -> list[np.ndarray]:
 def test_a_gpu_gives_the_bits_of_a_processor(runtime: Runtime, as_gpu: Runtime) -> None:
     for found, wanted in zip(drawn(as_gpu), drawn(runtime), strict=True):
         np.testing.assert_array_equal(found, wanted)
+
+
+@pytest.mark.parametrize("dealt", [0, 1 << 14])
+def test_launches_of_many_rays_are_split(runtime: Runtime, monkeypatch: pytest.MonkeyPatch, dealt: int) -> None:
+    """As on large images, where one would take longer than a display's driver lets it."""
+    made = cornell_box()
+    images, launches = [], []
+    for device, at_once in ((runtime, 1 << 24), (gpu(runtime), 1 << 24), (gpu(runtime), 5000)):
+        monkeypatch.setattr(final_gather, "RAYS_AT_ONCE", at_once)
+        monkeypatch.setattr(final_gather, "MOST_DEALT", dealt)
+        frame = gi.render(made.scene, made.camera(61, 47), made.lights, edges=0, runtime=device)
+        images.append(np.asarray(frame.image))
+        launches.append(sum(each.name == "final_gather" and not each.skipped for each in frame.passes))
+    assert launches[2] > launches[1] > 0
+    np.testing.assert_array_equal(images[1], images[0])
+    np.testing.assert_array_equal(images[2], images[0])
 
 
 FILLS = 4096

@@ -37,6 +37,9 @@ LEAST = 4
 """Rays of a point."""
 DEALT, MOST_DEALT, MOST_RAYS = 16, 1 << 14, 256
 """Work-items of a GPU that share a point's rays, where there are no more points and rays: these would not fill it."""
+RAYS_AT_ONCE = 1 << 24
+"""Rays of a launch on a GPU: at 7,000 operations, those of a ray among 36 triangles, .12 s at 1 TFLOP/s. A display's
+driver ends what takes 2 s, and large scenes take several times as long."""
 FOUND = 4
 """Images of what rays find at points that are smoothed: irradiance, and the mean of 1 / distance."""
 
@@ -110,27 +113,36 @@ class FinalGather:
         finest = len(SHARES) if self._blurred else len(SHARES) - 1
         count, ways = self._ways[finest if level.number >= len(SHARES) - 1 else level.number]
         few = self.runtime.info.kind == "gpu" and level.most <= MOST_DEALT and count <= MOST_RAYS
-        self._run(
-            level,
-            "multires/final_gather.cl",
-            {
-                "GATHER_RAYS": count,
-                "GATHER_KEPT": int(kept),
-                "GATHER_ITEMS": DEALT if few else 1,
-                **rays.bvh.first_macros,
-            },
-            (SCENE_RAYS, GATHER),
-            per_unit,
-            DEALT if few else 1,
-            ways=ways,
-            **{**rays.arguments, **rays.bvh.first},
-            cells=self._cells,
-            volume=self._records,
-            values=values,
-            gather=self._params,
-        )
+        pieces = -(-level.most // self.runtime.variant.lanes)
+        at_once = max(RAYS_AT_ONCE // count, 1) if self.runtime.info.kind == "gpu" else pieces
+        for begin in range(0, pieces, at_once):
+            most = min(at_once, pieces - begin)
+            self._run(
+                level,
+                "multires/final_gather.cl",
+                {
+                    "GATHER_RAYS": count,
+                    "GATHER_KEPT": int(kept),
+                    "GATHER_ITEMS": DEALT if few else 1,
+                    **rays.bvh.first_macros,
+                },
+                (SCENE_RAYS, GATHER),
+                per_unit,
+                most * (DEALT if few else 1),
+                SSGI_GROUP if few else 1,
+                ways=ways,
+                **{**rays.arguments, **rays.bvh.first},
+                cells=self._cells,
+                volume=self._records,
+                values=values,
+                gather=self._params,
+                begin=begin,
+                most=most,
+            )
         if kept:
-            self._run(level, "multires/gather_smooth.cl", {}, (), per_unit, 1, found=self._found, values=level.values)
+            self._run(
+                level, "multires/gather_smooth.cl", {}, (), per_unit, pieces, 1, found=self._found, values=level.values
+            )
 
     def _run(
         self,
@@ -139,17 +151,18 @@ class FinalGather:
         macros: dict[str, int],
         structs: tuple[Struct, ...],
         per_unit: float,
-        shared: int,
+        wanted: int,
+        group: int,
         **more: Any,
     ) -> None:
-        """Queue a kernel that takes the points on a level's list, so many work-items each."""
+        """Queue a kernel that takes points on a level's list, by so many work-items in groups of a size; 1: any."""
         runtime, source = self.runtime, level.source
         is_gpu = runtime.info.kind == "gpu"
         items = 1 << 30 if is_gpu else CPU_ITEMS * runtime.device.max_compute_units
         runtime.kernel(name, macros, (CAMERA, VPL, *structs)).run(
             source.size,
-            grid=(1, min(-(-level.most // runtime.variant.lanes) * shared, items)),
-            local=runtime.small_groups(1) if shared == 1 else (1, SSGI_GROUP),
+            grid=(1, min(wanted, items)),
+            local=runtime.small_groups(1) if group == 1 else (1, group),
             depth=source.depth,
             normal=source.normal,
             list=level.list,

@@ -103,6 +103,15 @@ class DeviceScene:
         """Whether any of its surfaces is closed."""
         return bool(self._sides.any())
 
+    @cached_property
+    def solid_share(self) -> float:
+        """Share of its area that bounds solids."""
+        scene = self._scene()
+        assert scene is not None  # noqa: S101  who draws it has it
+        a, b, c = (scene.positions[corner].astype(np.float64) for corner in scene.triangles.T)
+        area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        return float(area[self._sides != 0].sum() / max(float(area.sum()), 1e-300))
+
 
 SRGB_TO_LINEAR = BYTES.astype(np.float32)
 _LINEAR_TO_SRGB_STEPS = 4095

@@ -43,6 +43,9 @@ FILLED = 0.85
 """Share of a budget that the median of the measured calls may take: single calls take longer or shorter."""
 RUNS = 5
 """Calls that are timed, after one that compiles and one that fills the caches."""
+SOLID = 0.2
+"""Share of a scene's area that bounds solids, from which on known ends are chosen from. Floors, walls and ground need
+none; expected errors do not hold for leaves, few of which are solids (shares of less than .1)."""
 HOPELESS = 4.0
 """Times the budget: what is predicted to take longer is not measured, and timed once if it is found to."""
 
@@ -244,7 +247,7 @@ def _source(
                     "camera"
                 )
         assert scene is not None  # noqa: S101  that is checked above
-        candidates = drawn_options(thickness=device_scene(scene, runtime).has_solids)
+        candidates = drawn_options(thickness=device_scene(scene, runtime).solid_share >= SOLID)
     else:
         for name, given in (("scene", scene), ("camera", camera)):
             if given is not None:

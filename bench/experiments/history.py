@@ -31,6 +31,7 @@ from ssgi_cl.rasterize.scenes import is_scene
 from ssgi_cl.techniques.ao.gtao import Gtao, GtaoParams, gtao
 from ssgi_cl.techniques.rsm.rsm_gather import rsm_gather
 from ssgi_cl.techniques.temporal.accumulate import Accumulate, AccumulateParams, Clamp, accumulate
+from ssgi_cl.truth import metrics
 from ssgi_cl.truth.ray_ao import ray_ao
 
 Image = NDArray[np.float32]
@@ -51,7 +52,16 @@ ONE_OLD = "model, one frame old"
 """Row of what a history without noise errs by after one frame."""
 MANY, FEW = 8, 1
 """Slices without a history, and with one."""
-_HEAD = ("sequence", "method", "RMSE, rays", "RMSE, model", "temporal noise", "RMSE, uncovered", "lag, frames")
+_HEAD = (
+    "sequence",
+    "method",
+    "RMSE, rays",
+    "RMSE, model",
+    "FLIP, model",
+    "temporal noise",
+    "RMSE, uncovered",
+    "lag, frames",
+)
 
 
 @dataclass
@@ -158,7 +168,7 @@ def measured(made: Film) -> dict[str, dict[str, float]]:
     found: dict[str, dict[str, float]] = {}
     for name, images in made.images.items():
         late, model, masks = images[begin:], made.model[begin:], there[begin:]
-        own = {"model": steadiness.rmse(late, model, masks)}
+        own = {"model": steadiness.rmse(late, model, masks), "flip": flip(late, model, masks)}
         if made.world:
             own["world"] = steadiness.rmse(late, made.world[begin:], masks)
         own["noise"] = steadiness.temporal_noise(late, model, masks) if len(late) > 1 else float("nan")
@@ -170,15 +180,23 @@ def measured(made: Film) -> dict[str, dict[str, float]]:
     return found
 
 
+def flip(images: Sequence[Image], references: Sequence[Image], masks: Sequence[NDArray[np.bool_]]) -> float:
+    """Return the mean FLIP of images: of occlusion as it is, of light HDR-FLIP."""
+    one = metrics.flip if images[0].ndim == 2 else metrics.hdr_flip
+    return float(np.mean([one(i, r, m) for i, r, m in zip(images, references, masks, strict=True)]))
+
+
 def told(results: Mapping[str, Mapping[str, Mapping[str, float]]]) -> str:
     """Return the lines of a Markdown table of what `measured` returned, by sequence."""
     lines = []
     for shot, methods in results.items():
         for method, own in methods.items():
-            cells = [f"{own[key]:.4f}" if key in own else NOTHING for key in ("world", "model", "noise", "uncovered")]
+            cells = [
+                f"{own[key]:.4f}" if key in own else NOTHING for key in ("world", "model", "flip", "noise", "uncovered")
+            ]
             frames = f"{own['lag']:.0f}" if "lag" in own else NOTHING
             lines.append((shot, method, *cells, "never" if frames == "-1" else frames))
-    return "\n".join(markdown(_HEAD, lines, "ll" + 5 * "r"))
+    return "\n".join(markdown(_HEAD, lines, "ll" + 6 * "r"))
 
 
 def times(size: Size, repeats: int, runtime: Runtime) -> dict[str, float]:
@@ -241,7 +259,7 @@ def main(
     whole: tuple[str, ...],
     samples: int,
 ) -> None:
-    """Print RMSE, temporal noise, ghosting and lag of sequences with and without a history, then of whole frames
+    """Print RMSE, FLIP, temporal noise, ghosting and lag of sequences with and without a history, then of whole frames
     flicker, FLIP and RMSE."""
     runtime = Runtime.open()
     params = {} if clamp is None else {"clamp": clamp}

@@ -19,6 +19,7 @@ from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.history import DeviceHistory
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.skips import same
+from ssgi_cl.techniques.direct.kept_crops import KeptCrops
 from ssgi_cl.techniques.radiosity.surfel_history import SurfelHistory
 from ssgi_cl.techniques.temporal.accumulate import Accumulate, AccumulateParams
 
@@ -184,12 +185,13 @@ class FrameHistory:
         pattern: number of the place of patterns of samples: it stays where surfaces or lights are others than in the
             frame before, so that no difference between patterns is taken for a change of light.
         surfels: that follow the scene's triangles.
+        crops: of shadow maps.
     """
 
     def __init__(self, limit: int = AccumulateParams.limit) -> None:
         self.limit = AccumulateParams(limit=limit).limit
         self.number = self.pattern = 0
-        self.surfels = SurfelHistory()
+        self.surfels, self.crops = SurfelHistory(), KeptCrops()
         self._latest: _Latest | None = None
         self._gbuffer: DeviceGBuffer | None = None
         self._parts: dict[str, _Part] = {}
@@ -206,7 +208,7 @@ class FrameHistory:
     def reset(self) -> None:
         """Begin anew with the next frame, as after a cut."""
         self.number = self.pattern = 0
-        self.surfels = SurfelHistory()
+        self.surfels, self.crops = SurfelHistory(), KeptCrops()
         self._forget()
 
     def _forget(self) -> None:

@@ -152,7 +152,7 @@ class Renderer:
             return self._record
         given = [of.SCENE, of.CASTING, of.CAMERA, of.LIGHTS, of.SKY, of.MULTI_BOUNCE, of.AO_PARAMS, of.INDIRECT_PARAMS]
         if self.history is not None:
-            given += [of.HISTORY, of.SURFEL_HISTORY]
+            given += [of.HISTORY, of.SURFEL_HISTORY, of.CROPS]
         return self._graph.planned(given, self._wanted(PICTURE))
 
     def _wanted(self, outputs: frozenset[str]) -> set[str]:
@@ -225,7 +225,7 @@ class Renderer:
         with self.runtime.frame(self._graph.costs):
             given = self._given(scene, camera, lights, params, radius)
             if history is not None:
-                given |= {of.HISTORY: history, of.SURFEL_HISTORY: history.surfels}
+                given |= {of.HISTORY: history, of.SURFEL_HISTORY: history.surfels, of.CROPS: history.crops}
                 if isinstance(given[of.AO_PARAMS], SliceParams):  # slices turn on from frame to frame
                     given[of.AO_PARAMS] = replace(given[of.AO_PARAMS], frame=history.pattern % TURNS)
             run = self._graph.run(given, self._wanted(names), also, tell)

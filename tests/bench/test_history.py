@@ -185,6 +185,7 @@ def test_history_errs_less_than_one_frame_and_a_cut_leaves_no_trail(runtime: Run
     one, history = found["1 slice"], found["1 slice, history"]
     assert history["model"] < 0.8 * one["model"]
     assert history["noise"] < 0.8 * one["noise"]
+    assert 0.0 < history["flip"] < 0.9 * one["flip"]
     cut = film(SHOTS["hard cut"](SIZE, 10), 0, runtime)
     mask = [np.isfinite(np.asarray(cut.gbuffers[5].depth))]
     alone, after = (
@@ -216,10 +217,12 @@ def test_light_that_switches_off_is_followed_at_once(runtime: Runtime) -> None:
 
 
 def test_the_table_has_a_row_for_each_method() -> None:
-    text = told({"path": {"1 slice": {"model": 0.25, "noise": 0.5}, "history": {"model": 0.1, "lag": -1.0}}})
+    text = told(
+        {"path": {"1 slice": {"model": 0.25, "flip": 0.125, "noise": 0.5}, "history": {"model": 0.1, "lag": -1.0}}}
+    )
     rows = text.splitlines()
     assert len(rows) == 4
-    assert rows[2] == "| path | 1 slice | - | 0.2500 | 0.5000 | - | - |"
+    assert rows[2] == "| path | 1 slice | - | 0.2500 | 0.1250 | 0.5000 | - | - |"
     assert rows[3].endswith("| - | - | never |")
 
 

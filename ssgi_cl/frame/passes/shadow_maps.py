@@ -6,7 +6,7 @@ from typing import Any
 
 from ssgi_cl.core.lights import Environment
 from ssgi_cl.frame.passes.build import Build
-from ssgi_cl.frame.passes.resources import CASTING, GBUFFER, LIGHTS, RSM, SHADOWS
+from ssgi_cl.frame.passes.resources import CASTING, CROPS, GBUFFER, LIGHTS, RSM, SHADOWS
 from ssgi_cl.frame.stage import Declared, Stage
 from ssgi_cl.techniques.direct.light_data import power
 from ssgi_cl.techniques.direct.light_maps import LightMaps
@@ -31,12 +31,14 @@ def shadow_maps(build: Build) -> Stage:
     def run(r: Declared) -> Any:
         lit = any(not isinstance(light, Environment) and power(light).any() for light in r[LIGHTS])
         seen = depths.find(r[GBUFFER]) if depths is not None and lit else None
-        shadows, rsm = maps.draw(r[CASTING], r[LIGHTS], keep=keep, seen=seen)
+        shadows, rsm = maps.draw(
+            r[CASTING], r[LIGHTS], keep=keep, seen=seen, crops_before=r[CROPS] if build.history else None
+        )
         return (shadows, rsm) if reflects else shadows
 
     return Stage(
         name="shadow maps",
-        reads=(CASTING, LIGHTS, *((GBUFFER,) if depths is not None else ())),
+        reads=(CASTING, LIGHTS, *((GBUFFER,) if depths is not None else ()), *((CROPS,) if build.history else ())),
         writes=(SHADOWS, RSM) if reflects else (SHADOWS,),
         run=run,
         on_demand=True,

@@ -17,10 +17,11 @@ from ssgi_cl.device.rsm import DeviceRsm
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.raster.shadow_map import RsmRenderer, every_nth, light_cameras
 from ssgi_cl.rasterize.raster.view import device_scene
+from ssgi_cl.techniques.direct.kept_crops import KeptCrops
 from ssgi_cl.techniques.direct.light_data import PunctualLight, ShadowMap, kind_name, power
 from ssgi_cl.techniques.direct.seen_depths import Seen
 from ssgi_cl.techniques.direct.shadow_blocks import ShadowBlocks
-from ssgi_cl.techniques.direct.shadow_fit import Crop, fitted, most_crops, whole
+from ssgi_cl.techniques.direct.shadow_fit import Crop, most_crops, whole
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,12 +75,18 @@ class LightMaps:
         self._shadows: dict[int, ShadowMap] = {}
 
     def draw(
-        self, scene: Scene, lights: Sequence[Light], *, keep: bool = True, seen: Seen | None = None
+        self,
+        scene: Scene,
+        lights: Sequence[Light],
+        *,
+        keep: bool = True,
+        seen: Seen | None = None,
+        crops_before: KeptCrops | None = None,
     ) -> tuple[list[ShadowMap | None], DeviceRsm | None]:
         """Queue the passes.
 
         Without `keep` all are drawn. Shadow maps are fitted to what is `seen`; without it they show
-        all that a light sees.
+        all that a light sees. In a sequence their crops stay, which `crops_before` knows.
         Which lights reflect anything is read back, 4 bytes a face, when a map was drawn.
 
         Returns:
@@ -104,8 +111,9 @@ class LightMaps:
             index: len(faces) if seen is None else most_crops(len(faces), len(punctual_lights))
             for index, faces in cameras.items()
         }
+        fit = (crops_before or KeptCrops()).fitted
         crops = {
-            index: whole(len(faces)) if seen is None else fitted(faces, seen, images[index])
+            index: whole(len(faces)) if seen is None else fit(index, faces, seen, images[index])
             for index, faces in cameras.items()
         }
         self._require(scene, images, sum(map(len, cameras.values())), len(lights))

@@ -134,6 +134,35 @@ def fitted(cameras: tuple[Camera, ...], seen: Seen, most: int) -> tuple[Crop, ..
     return tuple(sorted(found, key=lambda c: (c.zoom_x * c.zoom_y, c.face, c.zoom_x, c.top, c.left)))
 
 
+def excess(crops: tuple[Crop, ...], cameras: tuple[Camera, ...], seen: Seen) -> float:
+    """Return by how much texels are wider than `FINE`, summed over pixels, in pixels; infinite where crops do not show
+    all that is seen.
+
+    Args:
+        crops: of a light.
+        cameras, seen: see `fitted`.
+    """
+    total = 0.0
+    corners, width = seen.corners(), seen.widths()
+    for face, camera in enumerate(cameras):
+        boxes = _Boxes.of(camera, corners, width, seen.pixels)
+        if boxes is None:
+            continue
+        size = camera.height
+        best = np.full(len(boxes.pixels), np.inf)
+        for crop in crops:
+            if crop.face != face:
+                continue
+            zoom, first = (np.array(pair) for pair in ((crop.zoom_x, crop.zoom_y), (crop.left, crop.top)))
+            low, high = boxes.low * size * zoom - first, boxes.high * size * zoom - first
+            # Beyond the face's border its last texel counts.
+            inside = ((low >= ROOM) | (first == 0)) & ((high <= size - ROOM) | (first + size >= zoom * size))
+            ratio = (1.0 / (size * zoom) / boxes.width).max(axis=1)
+            best = np.where(inside.all(axis=1), np.minimum(best, ratio), best)
+        total += float((np.maximum(best - FINE, 0.0) * boxes.pixels).sum())
+    return total
+
+
 @dataclass(frozen=True, eq=False)
 class _Boxes:
     """Bounding boxes of the camera's tiles in a face.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from typing import NamedTuple, TypedDict, Unpack
 
 import numpy as np
@@ -224,7 +224,7 @@ class Radiosity(Prepared[RadiosityParams]):
         if exact and len(surfels):
             shown = open_shares(runtime, scene, surfels, OPEN_CELLS * extent / CELLS)
         unlit = _parts(device.unlit)
-        planes = partial(hiding_planes, runtime, scene, surfels) if shown is not None else None
+        planes = None if shown is None else hiding_planes(runtime, scene, surfels)
         self._cells = cache(lambda: SurfaceCells(pieces, low, extent, unlit, shown, planes))
         self._hidden = np.zeros(len(surfels.part_area), np.bool_)
         if shown is not None:

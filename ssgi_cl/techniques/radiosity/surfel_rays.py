@@ -18,7 +18,7 @@ from ssgi_cl.device.constants import DIRECT_LIGHT
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.raster.scene_bvh import scene_bvh
 from ssgi_cl.techniques.occupancy.scene_rays import LIFT
-from ssgi_cl.techniques.radiosity.light_volume import LightVolume, SurfaceCells, device_volume
+from ssgi_cl.techniques.radiosity.light_volume import LightVolume, Planes, SurfaceCells, device_volume
 from ssgi_cl.techniques.radiosity.surfels import Surfels
 
 Doubles = NDArray[np.float64]
@@ -57,27 +57,28 @@ def open_shares(runtime: Runtime, scene: Scene, surfels: Surfels, length: float)
     return far.download()[: len(surfels.part_area)].astype(np.float64)
 
 
-def hiding_planes(runtime: Runtime, scene: Scene, surfels: Surfels, partners: NDArray[np.intp], lift: float) -> Doubles:
-    """Return [parts, 4] the planes of what hides parts of surfels from others, `partners` [parts], `lift` above both.
+def hiding_planes(runtime: Runtime, scene: Scene, surfels: Surfels) -> Planes:
+    """Return what finds the planes of what hides parts of surfels from others; each call waits for the device."""
+    rows, bvh = _points(scene, surfels), scene_bvh(scene, runtime)
+    stride = rows.shape[1]
+    points, planes = runtime.array(rows), runtime.empty(4 * stride, np.float32)
 
-    Waits for the device. See `light_volume.Planes`.
-    """
-    points, bvh = _points(scene, surfels), scene_bvh(scene, runtime)
-    stride, count = points.shape[1], len(partners)
-    numbers = np.zeros(stride, np.int32)
-    numbers[:count] = partners
-    planes = runtime.empty(4 * stride, np.float32)
-    runtime.kernel("radiosity/radiosity_divide.cl").run(
-        (1, stride),
-        points=runtime.array(points),
-        partners=runtime.array(numbers),
-        nodes=bvh.nodes,
-        triangles=bvh.triangles,
-        planes=planes,
-        lift=lift,
-    )
-    found = planes.download().reshape(4, stride)[:, :count].T.astype(np.float64)
-    found[:, 3] += found[:, :3] @ np.asarray(scene.origin)
+    def found(partners: NDArray[np.intp], lift: float) -> Doubles:
+        numbers = np.zeros(stride, np.int32)
+        numbers[: len(partners)] = partners
+        runtime.kernel("radiosity/radiosity_divide.cl").run(
+            (1, stride),
+            points=points,
+            partners=runtime.array(numbers),
+            nodes=bvh.nodes,
+            triangles=bvh.triangles,
+            planes=planes,
+            lift=lift,
+        )
+        result = planes.download().reshape(4, stride)[:, : len(partners)].T.astype(np.float64)
+        result[:, 3] += result[:, :3] @ np.asarray(scene.origin)
+        return result
+
     return found
 
 

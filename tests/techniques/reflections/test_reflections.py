@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
-from ssgi_cl.core.lights import Environment
+from ssgi_cl.core.lights import Environment, SpotLight
 from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.device.gbuffer import on_device
 from ssgi_cl.device.runtime import Runtime
@@ -407,6 +407,26 @@ def test_a_mirror_shows_a_panel_as_it_is(
     # The whole, edges too: as much light as the panel's rectangle has.
     whole = np.count_nonzero(on_floor & (inside > 0.0))
     assert abs(np.count_nonzero(found) - whole) < 0.02 * whole
+
+
+def test_a_mirror_shows_the_back_of_a_card_and_not_its_front(runtime: Runtime) -> None:
+    """A mirror behind a card whose front alone is lit: rays come back where the image shows the front."""
+    card = (-0.5, -0.5, -1.0), (1.0, 0.0, 0.0), (0.0, 1.3, 0.0)
+    scene = quads(card, ((-4.0, -4.0, -3.0), (8.0, 0.0, 0.0), (0.0, 8.0, 0.0)))
+    metal, paper = Material(albedo=(0.0,) * 3, specular=(0.9,) * 3, gloss=1e6), Material(albedo=(0.8,) * 3)
+    scene = replace(scene, materials=(paper, metal), material_ids=np.array([0, 0, 1, 1], np.int32))
+    made = Camera.look_at((0.0, 1.6, 4.0), (0.0, 0.2, -1.0), width=160, height=120)
+    spot = SpotLight((0.0, 0.15, 3.0), (0.0, 0.0, -1.0), 0.08, 10.0)
+    frame = render(scene, made, [spot], edges=0, gbuffer=True, runtime=runtime)
+    assert frame.gbuffer is not None
+    radiance, position = np.asarray(frame.radiance), made.unproject(np.asarray(frame.gbuffer.first("depth")))
+    view = position - made.position
+    behind = np.isfinite(view[..., 0]) & (position[..., 2] < -2.9)
+    back = behind & (within_panel(position, view * (1.0, 1.0, -1.0), card) > 0.05)
+    assert back.sum() > 50
+    lit = radiance[np.abs(position[..., 2] + 1.0) < 0.01]
+    assert lit.max() > 0.15
+    assert radiance[back].max() < 0.01 * lit.max()
 
 
 def test_mirrors_show_mirrors(runtime: Runtime) -> None:

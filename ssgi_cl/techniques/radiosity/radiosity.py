@@ -205,6 +205,9 @@ class Radiosity(Prepared[RadiosityParams]):
             records = self._maps.records()
         dark = device.dark(records, sky=any(map(shines, environments)))
         if self._dark != dark:
+            if history is None and self._dark is not None:  # light enters other spaces, and surfels are placed anew
+                self._history = SurfelHistory()
+                self._history.enter(scene)
             self._dark = None
             self._place(scene, dark, records)
             self._dark = dark

@@ -182,10 +182,15 @@ def test_ao_returns_it_before_the_choice(rods: GBuffer, runtime: Runtime) -> Non
 def test_of_a_scene_ends_of_surfaces_count(runtime: Runtime) -> None:
     built = make_scene("rods-302")
     made = built.camera(96, 64)
-    a, confidence = gi.ao(scene=built.scene, camera=made, radius=0.4, confidence=True, runtime=runtime)
+    a, confidence, choice = gi.ao(
+        scene=built.scene, camera=made, radius=0.4, confidence=True, explain=True, runtime=runtime
+    )
+    assert choice.thickness
     guessed, known = (
         ao_confidence(
-            rasterized(built.scene, made, layers=2, overscan=0.1, thickness=thickness, runtime=runtime),
+            rasterized(
+                built.scene, made, layers=choice.layers, overscan=choice.overscan, thickness=thickness, runtime=runtime
+            ),
             a,
             0.4,
             runtime=runtime,

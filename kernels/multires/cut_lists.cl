@@ -354,7 +354,7 @@ __kernel void cut_lists(ssgi_plane depth, ssgi_plane normal, __global const int 
         }
         const uint open = bits >> 16;
         for (bits &= 0xffff; bits != 0; bits &= bits - 1) {
-            const int i = 31 - (int)clz(bits & -bits);
+            const int i = v_lowest_bit(bits);
             to[at] = rays | (open >> i / 4 & 1 ? 16 * run + i : stride + 4 * run + i / 4);
             at += 1;
         }

@@ -15,9 +15,8 @@
 // Writes:  values   3 x [rows, columns], W/m^2: the light is added, at the samples alone; with
 //                   GATHER_KEPT 4 x, where the light is written, and the mean of 1 / distance of
 //                   what rays meet, in lengths of the receivers
-// Macros:  GATHER_RAYS, GATHER_KEPT (0, 1), RAYS_ONE (0, 1), GATHER_ITEMS: work-items among which
-// the rays of a
-//          sample are dealt out, 1 or, with one lane, a power of two up to SSGI_GROUP
+// Macros:  GATHER_RAYS, GATHER_KEPT (0, 1), RAYS_ONE (0, 1), GATHER_ITEMS: work-items that share
+//          the rays of a sample, 1 or, with one lane, a power of two up to SSGI_GROUP
 // Params:  RaysParams; GatherParams: cells of the volume per unit of the hierarchy's space and
 // where
 //          its origin is in cells; length of rays; columns and rows that the tiles are moved by;
@@ -75,8 +74,9 @@ final_gather(ssgi_plane depth, ssgi_plane normal, __global const int *restrict l
     {
 #else
     const int item = 0;
-    for (int turn = 0; cut_own(turn, pieces - begin) < pieces - begin; ++turn) {
-        const int own = begin + cut_own(turn, pieces - begin);
+    const int left = pieces - begin;
+    for (int turn = 0, piece = cut_own(0, left); piece < left; piece = cut_own(++turn, left)) {
+        const int own = begin + piece;
 #endif
         const vint pixel = cut_pixels(list, own * SSGI_LANES);
         const vint column = pixel & 0xffff, row = pixel >> 16;
@@ -143,7 +143,7 @@ final_gather(ssgi_plane depth, ssgi_plane normal, __global const int *restrict l
 #endif
         }
 #if GATHER_ITEMS > 1
-        // The sums of channels, in the order of the rays, so that they have the same bits.
+        // The sums of channels, in the order of the rays, so that they are bit-identical.
         barrier(CLK_LOCAL_MEM_FENCE);
         if (item > 0 || own >= pieces) {
             return;

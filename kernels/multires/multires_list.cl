@@ -54,7 +54,7 @@ static inline int multires_listed(__global int *restrict list, int at, int bits,
                                   const int corner)
 {
     for (; bits != 0; bits &= bits - 1) {
-        const int lowest = 31 - (int)clz(bits & -bits);
+        const int lowest = v_lowest_bit((uint)bits);
         list[at] = corner + ((first.y + (lowest >> 2)) << 16 | (first.x + (lowest & 3)));
         at += 1;
     }

@@ -77,7 +77,7 @@ __kernel void sky_rays(ssgi_plane depth, ssgi_plane normal, __global const float
         vfloat total = zero, whole = zero, open = zero;
         for (int w = 0; w < SKY_WORDS / 4; ++w) {
             for (uint bits = (uint)live[SKY_WORDS + w]; bits != 0; bits &= bits - 1) {
-                const int s = w * 32 + 31 - (int)clz(bits & -bits);
+                const int s = w * 32 + v_lowest_bit(bits);
                 const float share = sky_share(sky_quarters(live, s));
                 __global const float *restrict stratum = strata + s * SKY_STRATUM;
                 const vfloat given = sky_given(stratum, p);
@@ -102,7 +102,7 @@ __kernel void sky_rays(ssgi_plane depth, ssgi_plane normal, __global const float
             vfloat sum = zero;
             for (int w = 0; w < SKY_WORDS / 4; ++w) {
                 for (uint bits = (uint)live[SKY_WORDS + w]; bits != 0; bits &= bits - 1) {
-                    const int s = w * 32 + 31 - (int)clz(bits & -bits);
+                    const int s = w * 32 + v_lowest_bit(bits);
                     const uint quarters = sky_quarters(live, s);
                     const vfloat chance = sky_chance(strata + s * SKY_STRATUM, p);
                     const vfloat per = strata[s * SKY_STRATUM + 3] / v_max(chance, v_splat(1e-30f));

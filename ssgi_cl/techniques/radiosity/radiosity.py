@@ -26,7 +26,7 @@ from ssgi_cl.techniques.radiosity.even_light import EvenLight, even_and_bright
 from ssgi_cl.techniques.radiosity.light_volume import CELLS, LightVolume, Pieces, SurfaceCells
 from ssgi_cl.techniques.radiosity.sky_directions import sky_directions
 from ssgi_cl.techniques.radiosity.surfel_history import STEADY_LIGHTS, SurfelHistory
-from ssgi_cl.techniques.radiosity.surfel_rays import SurfelRays, hiding_planes, open_shares
+from ssgi_cl.techniques.radiosity.surfel_rays import SurfelPoints, SurfelRays, hiding_planes, open_shares
 from ssgi_cl.techniques.radiosity.surfels import Surfels
 from ssgi_cl.techniques.radiosity.surfels_on_device import DeviceSurfels
 from ssgi_cl.techniques.technique import Bench, Technique
@@ -217,22 +217,22 @@ class Radiosity(Prepared[RadiosityParams]):
 
     def _place(self, scene: Scene, dark: frozenset[int], records: Floats | None) -> None:
         """Make the surfels of a scene, the cells that they lie in, and what their rays meet."""
-        runtime, device, exact = self.runtime, self._device, rays_meet_triangles(scene)
+        device, exact = self._device, rays_meet_triangles(scene)
         device.fill(scene, self.params.surfels * (BY_RAYS if exact else 1), dark, self._history)
         low, extent = device.camera.position - device.half, 2.0 * device.half
         surfels = device.surfels
         pieces = _parts(surfels) if len(surfels) or records is None else self._of_maps(records)[0]
         self._first_by_rays = rays_carry_first_bounce(scene)
-        self._rays = shown = None
+        self._rays = points = shown = planes = None
         if exact and len(surfels):
-            shown = open_shares(runtime, scene, surfels, OPEN_CELLS * extent / CELLS)
+            points = SurfelPoints(self.runtime, scene, surfels)
+            shown, planes = open_shares(points, OPEN_CELLS * extent / CELLS), hiding_planes(points)
         unlit = _parts(device.unlit)
-        planes = None if shown is None else hiding_planes(runtime, scene, surfels)
         self._cells = cache(lambda: SurfaceCells(pieces, low, extent, unlit, shown, planes))
         self._hidden = np.zeros(len(surfels.part_area), np.bool_)
-        if shown is not None:
+        if points is not None and shown is not None:
             self._hidden = shown < GAP
-            self._rays = SurfelRays(runtime, scene, surfels, self._cells())
+            self._rays = SurfelRays(points, self._cells())
 
     def _solved(
         self, environments: Sequence[Environment], lights: Sequence[PunctualLight], records: Floats | None

@@ -14,6 +14,7 @@ from ssgi_cl.core.lights import DirectionalLight, PunctualLight, SpotLight, ligh
 from ssgi_cl.core.sampling import r_points
 from ssgi_cl.core.scene import Scene, mean_emission
 from ssgi_cl.core.vpls import LUMINANCE
+from ssgi_cl.device.arrays import DeviceArray
 from ssgi_cl.device.constants import DIRECT_LIGHT
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.raster.scene_bvh import scene_bvh
@@ -35,17 +36,58 @@ ROW = 64
 """Points in whose multiples rows lie."""
 
 
-def open_shares(runtime: Runtime, scene: Scene, surfels: Surfels, length: float) -> Doubles:
+def _diagonal(scene: Scene) -> float:
+    return max(float(np.linalg.norm(np.ptp(scene.bounds, axis=0))), 1e-30)
+
+
+class SurfelPoints:
+    """The parts of surfels in device memory, as kernels/radiosity/points.clh reads them.
+
+    Args:
+        runtime: the device.
+        scene: whose triangles rays meet.
+        surfels: of the scene.
+
+    Attributes:
+        runtime, scene, surfels: as given.
+        count: of parts.
+        numbers: [points] by which points have their rays: those of parts, then others.
+        array: the points, of which there are a multiple of `ROW`.
+    """
+
+    def __init__(self, runtime: Runtime, scene: Scene, surfels: Surfels) -> None:
+        self.runtime, self.scene, self.surfels = runtime, scene, surfels
+        self.count = count = len(surfels.part_area)
+        self.numbers = number = np.arange(-(-count // ROW) * ROW)
+        number[:count] = surfels.part_number
+        points = np.zeros((9, len(number)), np.float32)
+        points[5] = 1.0
+        points[:3, :count] = (surfels.part_position + (surfels.origin - scene.origin)).T
+        points[3:6, :count] = surfels.part_normal.T
+        place = self.places(2)
+        ring, turn = np.sqrt(place[:, 0]), 2.0 * math.pi * place[:, 1]
+        points[6:8] = ring * np.cos(turn), ring * np.sin(turn)
+        points[8] = number % (TILE * TILE)
+        self.array = runtime.array(points)
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    def places(self, dimensions: int) -> Doubles:
+        """Return [points, dimensions] places in [0, 1), even for any parts."""
+        return r_points(0, int(self.numbers.max()) + 1, dimensions)[self.numbers]
+
+
+def open_shares(points: SurfelPoints, length: float) -> Doubles:
     """Return [parts] which share of the rays over the hemisphere of a part goes farther than a length.
 
     Waits for the device.
     """
-    points, ways = _points(scene, surfels), hemisphere_ways(RAYS)
-    stride, bvh = points.shape[1], scene_bvh(scene, runtime)
-    far = runtime.empty(stride, np.float32)
+    runtime, scene, ways = points.runtime, points.scene, hemisphere_ways(RAYS)
+    bvh, far = scene_bvh(scene, runtime), runtime.empty(len(points), np.float32)
     runtime.kernel("radiosity/radiosity_room.cl").run(
-        (1, stride),
-        points=runtime.array(points),
+        (1, len(points)),
+        points=points.array,
         ways=runtime.array(ways),
         nodes=bvh.nodes,
         triangles=bvh.triangles,
@@ -54,21 +96,20 @@ def open_shares(runtime: Runtime, scene: Scene, surfels: Surfels, length: float)
         lift=LIFT * _diagonal(scene),
         reach=length,
     )
-    return far.download()[: len(surfels.part_area)].astype(np.float64)
+    return far.download()[: points.count].astype(np.float64)
 
 
-def hiding_planes(runtime: Runtime, scene: Scene, surfels: Surfels) -> Planes:
+def hiding_planes(points: SurfelPoints) -> Planes:
     """Return what finds the planes of what hides parts of surfels from others; each call waits for the device."""
-    rows, bvh = _points(scene, surfels), scene_bvh(scene, runtime)
-    stride = rows.shape[1]
-    points, planes = runtime.array(rows), runtime.empty(4 * stride, np.float32)
+    runtime, scene, stride = points.runtime, points.scene, len(points)
+    bvh, planes = scene_bvh(scene, runtime), runtime.empty(4 * stride, np.float32)
 
     def found(partners: NDArray[np.intp], lift: float) -> Doubles:
         numbers = np.zeros(stride, np.int32)
         numbers[: len(partners)] = partners
         runtime.kernel("radiosity/radiosity_divide.cl").run(
             (1, stride),
-            points=points,
+            points=points.array,
             partners=runtime.array(numbers),
             nodes=bvh.nodes,
             triangles=bvh.triangles,
@@ -80,27 +121,6 @@ def hiding_planes(runtime: Runtime, scene: Scene, surfels: Surfels) -> Planes:
         return result
 
     return found
-
-
-def _diagonal(scene: Scene) -> float:
-    return max(float(np.linalg.norm(np.ptp(scene.bounds, axis=0))), 1e-30)
-
-
-def _points(scene: Scene, surfels: Surfels) -> NDArray[np.float32]:
-    """Return the parts of surfels as kernels/radiosity/points.clh says."""
-    count = len(surfels.part_area)
-    stride = -(-count // ROW) * ROW
-    points = np.zeros((9, stride), np.float32)
-    points[5] = 1.0
-    points[:3, :count] = (surfels.part_position + (surfels.origin - scene.origin)).T
-    points[3:6, :count] = surfels.part_normal.T
-    number = np.arange(stride)
-    number[:count] = surfels.part_number
-    place = r_points(0, int(number.max()) + 1, 2)[number]
-    ring, turn = np.sqrt(place[:, 0]), 2.0 * math.pi * place[:, 1]
-    points[6:8] = ring * np.cos(turn), ring * np.sin(turn)
-    points[8] = number % (TILE * TILE)
-    return points
 
 
 def _emission(radiance: Doubles, brightest: float, power: float) -> NDArray[np.float32]:
@@ -115,27 +135,22 @@ class SurfelRays:
     corners and narrow gaps neither.
 
     Args:
-        runtime: the device.
-        scene: whose triangles rays meet, without holes.
-        surfels: of the scene.
-        cells: which the parts lie in.
+        points: the parts, in a scene without holes.
+        cells: which they lie in.
     """
 
-    def __init__(self, runtime: Runtime, scene: Scene, surfels: Surfels, cells: SurfaceCells) -> None:
-        self.runtime = runtime
-        self._scene = scene
-        self._unit = _diagonal(scene)
-        self._bvh = scene_bvh(scene, runtime)
-        self._count = len(surfels.part_area)
-        points = _points(scene, surfels)
-        self._stride = stride = points.shape[1]
-        self._points = runtime.array(points)
+    def __init__(self, points: SurfelPoints, cells: SurfaceCells) -> None:
+        self.runtime = runtime = points.runtime
+        self._points, self._scene = points, points.scene
+        self._unit = _diagonal(points.scene)
+        self._bvh = scene_bvh(points.scene, runtime)
+        self._stride = stride = len(points)
         self._places = runtime.empty(RAYS * 3 * stride, np.int32)
         self._shares = runtime.empty(RAYS * 2 * stride, np.float32)
         self._found = runtime.empty(3 * stride, np.float32)
-        areas = cells.light(np.zeros((self._count, 3)))
-        self._volume = runtime.array(areas.records.ravel())
-        self.emitted = self._trace(surfels, areas)
+        areas = cells.light(np.zeros((points.count, 3)))
+        in_cells, self._volume = device_volume(runtime, areas)
+        self.emitted = self._trace(areas, in_cells)
 
     def direct(self, lights: Sequence[PunctualLight]) -> Doubles:
         """Return irradiance [parts, 3] in W/m^2 by lights that no triangle hides. Waits for the device.
@@ -143,14 +158,14 @@ class SurfelRays:
         Lights of some extent have penumbrae: parts with consecutive numbers look at other places of them.
         """
         if not lights:
-            return np.zeros((self._count, 3))
+            return np.zeros((self._points.count, 3))
         table = np.array([self._light(light) for light in lights])
         assert table.shape[1] == DIRECT_LIGHT  # noqa: S101  the kernel's
         brightest = max(float(table[:, 9:].max()), 1e-300)
         table[:, 9:] /= brightest
         self.runtime.kernel("radiosity/radiosity_direct.cl").run(
             (1, self._stride),
-            points=self._points,
+            points=self._points.array,
             lights=self.runtime.array(table.astype(np.float32)),
             nodes=self._bvh.nodes,
             triangles=self._bvh.triangles,
@@ -178,9 +193,9 @@ class SurfelRays:
         )
         return self._of_parts()
 
-    def _trace(self, surfels: Surfels, areas: LightVolume) -> Doubles:
+    def _trace(self, areas: LightVolume, in_cells: DeviceArray) -> Doubles:
         """Find what rays meet, and return irradiance [parts, 3] in W/m^2 by emissive surfaces."""
-        runtime, scene = self.runtime, self._scene
+        runtime, scene, surfels = self.runtime, self._scene, self._points.surfels
         glow = np.array([mean_emission(scene, material) for material in scene.materials]).reshape(-1, 3)
         brightest = max(float(glow.max(initial=0.0)), float(surfels.part_emission.max(initial=0.0)), 1e-300)
         # Density with which places are drawn: luminance over the power of all.
@@ -191,10 +206,10 @@ class SurfelRays:
         cell: dict[str, Any] = {f"cell_{axis}": float(first[i]) for i, axis in enumerate("xyz")}
         runtime.kernel("radiosity/radiosity_rays.cl", {"RADIOSITY_EMITS": int(emits), **self._bvh.first_macros}).run(
             (1, self._stride),
-            points=self._points,
+            points=self._points.array,
             ways=runtime.array(hemisphere_ways(RAYS)),
             **self._bvh.first,
-            cells=device_volume(runtime, areas)[0],
+            cells=in_cells,
             volume=self._volume,
             emission=runtime.array(shines),
             places=self._places,
@@ -210,8 +225,8 @@ class SurfelRays:
         if emits:
             runtime.kernel("radiosity/radiosity_emission.cl").run(
                 (1, self._stride),
-                points=self._points,
-                chosen=runtime.array(self._drawn(surfels)),
+                points=self._points.array,
+                chosen=runtime.array(self._drawn()),
                 emission=runtime.array(_emission(surfels.part_emission, brightest, power)),
                 nodes=self._bvh.nodes,
                 triangles=self._bvh.triangles,
@@ -222,15 +237,13 @@ class SurfelRays:
             )
         return self._of_parts() * brightest
 
-    def _drawn(self, surfels: Surfels) -> NDArray[np.int32]:
+    def _drawn(self) -> NDArray[np.int32]:
         """Return [PLACES, parts and padding] numbers of parts that emit, in proportion to their power."""
+        surfels = self._points.surfels
         power = surfels.part_area * (surfels.part_emission @ LUMINANCE)
         emitting = np.flatnonzero(power)
         ends = np.cumsum(power[emitting])
-        number = np.arange(self._stride)
-        number[: self._count] = surfels.part_number
-        first = r_points(0, int(number.max()) + 1, 1)[number, 0]
-        wanted = np.mod(first + np.arange(PLACES)[:, None] / PLACES, 1.0)
+        wanted = np.mod(self._points.places(1)[:, 0] + np.arange(PLACES)[:, None] / PLACES, 1.0)
         number = np.searchsorted(ends, wanted * ends[-1], "right")
         drawn: NDArray[np.int32] = emitting.astype(np.int32)[np.minimum(number, len(emitting) - 1)]
         return drawn
@@ -247,4 +260,4 @@ class SurfelRays:
         return [*(np.asarray(light.position) - self._scene.origin), 0.0, *axis, cosine, light.radius, *sent]
 
     def _of_parts(self) -> Doubles:
-        return self._found.download().reshape(3, self._stride)[:, : self._count].T.astype(np.float64)
+        return self._found.download().reshape(3, self._stride)[:, : self._points.count].T.astype(np.float64)

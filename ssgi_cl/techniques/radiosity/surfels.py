@@ -401,7 +401,8 @@ def _surfels(
     length = np.sqrt(np.einsum("nc,nc->n", facing, facing))
     # Normals of one axis lie within 55 degrees of it, so that their mean does not vanish.
     facing /= length[:, None]
-    values = (position, normal, area, albedo, emission, triangle, weights, triangle)
+    none = np.zeros_like(triangle)  # parts are numbered when all are there
+    values = (position, normal, area, albedo, emission, triangle, weights, none)
     of_parts: dict[str, Any] = {
         name: array.reshape(-1, *array.shape[2:]) for name, array in zip(_OF_PARTS, values, strict=True)
     }

@@ -66,7 +66,6 @@ class DeviceSurfels:
 
     surfels: Surfels
     unlit: Surfels
-    _tried: Surfels
     camera: Camera
     unit: float
     _visible: DeviceArray | None = None
@@ -103,7 +102,7 @@ class DeviceSurfels:
         self._shares = TriangleShares.of(scene)
         self._air = Air.of(occupancy.grid.download(), occupancy.cells)
         pilot = scene_surfels(scene, PILOT, self._shares)
-        there, starts = self._seeing(pilot, solid)
+        _, there, starts = self._seeing(pilot, solid)
         spaces = self._air.at(starts)
         emits = pilot.emission[there].any(axis=1)
         self._emitting = frozenset(spaces[emits].tolist())
@@ -146,7 +145,7 @@ class DeviceSurfels:
         solid = device_scene(scene, self.runtime)
         moved = history.moved(scene)
         if moved is not None:
-            there, starts = self._seeing(moved, solid, dark)
+            _, there, starts = self._seeing(moved, solid, dark)
             if history.suits(there):
                 if self._rays is None:
                     return self._enter(moved.chosen(there), starts)
@@ -154,9 +153,8 @@ class DeviceSurfels:
                 return self._enter(moved.chosen(history.joined(there)), None)
         without = self._of_pilot[list(dark)].sum()
         share = max((self._of_pilot.sum() - without) / PILOT, LEAST_SHARE)
-        tried = scene_surfels(scene, int(count / share), self._shares)
-        there, starts = self._seeing(tried, solid, dark)
-        return self._enter(history.begin(scene, self._tried, there), starts)
+        tried, there, starts = self._seeing(scene_surfels(scene, int(count / share), self._shares), solid, dark)
+        return self._enter(history.begin(scene, tried, there), starts)
 
     def _enter(self, surfels: Surfels, starts: Floats | None) -> None:
         """Take surfels, and the starts of their rays where these are known."""
@@ -166,15 +164,16 @@ class DeviceSurfels:
 
     def _seeing(
         self, surfels: Surfels, solid: DeviceScene, dark: frozenset[int] = frozenset()
-    ) -> tuple[NDArray[np.intp], Floats]:
-        """Return the numbers of those that see any surface, and where their rays start: [n, 3] in cells.
+    ) -> tuple[Surfels, NDArray[np.intp], Floats]:
+        """Return surfels that begin with the parts from which rays start, the numbers of those that see any surface,
+        and where the rays of these start: [n, 3] in cells.
 
         No light reaches the others, nor leaves them. Those without room in front of them are left
         out, too, and those that face a space in `dark`.
         """
-        self._tried = self.unlit = surfels
         if not len(surfels):
-            return np.zeros(0, np.intp), np.zeros((0, 3), np.float32)
+            self.unlit = surfels
+            return surfels, np.zeros(0, np.intp), np.zeros((0, 3), np.float32)
         self._upload(surfels)
         part = self._find_starts(surfels, solid)
         self.look_up(*sky_directions((), PILOT_DIRECTIONS))
@@ -184,8 +183,7 @@ class DeviceSurfels:
         unlit = kept & np.isin(self._air.at(starts.T), list(dark))
         self.unlit = surfels.chosen(np.flatnonzero(unlit))
         kept &= ~unlit
-        self._tried = surfels.centred(np.maximum(part, 0))
-        return np.flatnonzero(kept), starts[:, kept].T
+        return surfels.centred(np.maximum(part, 0)), np.flatnonzero(kept), starts[:, kept].T
 
     def _upload(self, surfels: Surfels, starts: Floats | None = None) -> None:
         """Upload surfels, and the starts of their rays where these are known."""

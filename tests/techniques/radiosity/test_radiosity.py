@@ -412,11 +412,11 @@ def test_no_light_passes_a_wall_within_a_cell(runtime: Runtime, right: float) ->
     Cells of the light volume that the wall cuts have floor of both rooms in them; undivided, they let through .6 to .8
     of the dim room's light.
     """
-    lamp = SpotLight((1.0, -0.2, 0.0), (0, -1, 0), 1.0, 0.01)
+    spot = SpotLight((1.0, -0.2, 0.0), (0, -1, 0), 1.0, 0.01)
     found = []
     for emission in (4.0, 4e-6):  # so that both rooms have surfels
         scene = two_rooms(emission, right=right)
-        made = solved(runtime, scene, (lamp,), surfels=2048)
+        made = solved(runtime, scene, (spot,), surfels=2048)
         place = made.surfels.position + scene.origin + 0.01 * made.surfels.normal
         light = made.surfels.area * made.irradiance[:, 0]
         dim = place[:, 0] > 0.0

@@ -16,7 +16,7 @@ from ssgi_cl.reference.area_lights.area_lights import polygon_irradiance
 from ssgi_cl.reference.multires.final_gather import final_gather_reference
 from ssgi_cl.techniques.occupancy.scene_rays import LIFT
 from ssgi_cl.techniques.radiosity.light_volume import CELLS, FACES, LightVolume, Pieces, SurfaceCells
-from ssgi_cl.techniques.radiosity.surfel_rays import RAYS, SurfelRays, open_shares
+from ssgi_cl.techniques.radiosity.surfel_rays import RAYS, SurfelPoints, SurfelRays, open_shares
 from ssgi_cl.techniques.radiosity.surfels import Surfels, scene_surfels
 
 from .test_radiosity import box, meshed
@@ -48,7 +48,7 @@ def cells_of(surfels: Surfels, scene: Scene) -> SurfaceCells:
 
 def rays_of(runtime: Runtime, scene: Scene, count: int) -> tuple[Surfels, SurfelRays]:
     surfels = scene_surfels(scene, count)
-    return surfels, SurfelRays(runtime, scene, surfels, cells_of(surfels, scene))
+    return surfels, SurfelRays(SurfelPoints(runtime, scene, surfels), cells_of(surfels, scene))
 
 
 def floor_parts(surfels: Surfels) -> tuple[NDArray[np.bool_], Doubles]:
@@ -148,7 +148,7 @@ def test_bounces_are_those_of_float64(variant_runtime: Runtime, rng: np.random.G
     scene = meshed((pieces + SHIFT).reshape(-1, 3), np.arange(36).reshape(-1, 3), (DARK,))
     surfels = scene_surfels(scene, 16)
     cells = cells_of(surfels, scene)
-    rays = SurfelRays(variant_runtime, scene, surfels, cells)
+    rays = SurfelRays(SurfelPoints(variant_runtime, scene, surfels), cells)
     areas = cells.light(np.zeros((len(surfels.part_area), 3)))
     light = LightVolume(areas.cells, areas.records.copy(), areas.low, areas.extent)
     light.records[..., :3] = rng.uniform(0.0, 1.0, (*light.records.shape[:2], 3))
@@ -181,7 +181,7 @@ def test_parts_in_a_narrow_gap_are_hardly_open(runtime: Runtime) -> None:
     surfels = scene_surfels(scene, 2048)
     floor, place = floor_parts(surfels)
     for length in (1.5 * gap, 3.0 * gap):
-        found = open_shares(runtime, scene, surfels, length)
+        found = open_shares(SurfelPoints(runtime, scene, surfels), length)
         inside = floor & (np.abs(place[:, [0, 2]]).max(axis=1) < 0.5 - length)
         # The cosine of rays between parallel surfaces that go farther is below gap / length.
         assert found[inside].mean() == pytest.approx((gap / length) ** 2, abs=0.02)
@@ -191,7 +191,7 @@ def test_parts_in_a_narrow_gap_are_hardly_open(runtime: Runtime) -> None:
 
 def test_at_the_foot_of_a_wall_half_of_the_hemisphere_is_open(runtime: Runtime) -> None:
     surfels = scene_surfels(box(0.5), 512)
-    found = open_shares(runtime, box(0.5), surfels, 0.2)
+    found = open_shares(SurfelPoints(runtime, box(0.5), surfels), 0.2)
     place = np.sort(1.0 - np.abs(surfels.part_position + surfels.origin), axis=1)
     inside = np.sum(surfels.part_normal * (surfels.part_position + surfels.origin), axis=1) < 0.0
     assert (found[inside & (place[:, 1] > 0.21)] == 1.0).all()

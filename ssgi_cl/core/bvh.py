@@ -27,8 +27,8 @@ MOST_CUTS = 512
 BINS = 16
 """Places at which a node may be split, and one."""
 DEEPEST = 40
-"""Levels of nodes, of any scene, that are split where it promises the least work; those below are halved, so that the
-hierarchy of any scene has fewer than 72."""
+"""Levels of nodes, of any scene, that are split where it promises the least work. Those below are halved, so that the
+hierarchy of 2^30 triangles has at most 68 levels of nodes that are split: `WAITING` of wide_bvh.py relies on it."""
 EDGE, ROUNDING = 2e-5, 2e-6
 """Boxes reach so far beyond triangles, relative to their longest edge (twice `RAYS_EDGE` of kernels/rays/bvh.clh) and
 to the diagonal of the scene's box, that a ray which meets a triangle also meets each box round it, as computed: what
@@ -94,9 +94,17 @@ def bvh_of(corners: Floats, culled: NDArray[np.bool_], holes: NDArray[np.int32] 
 
 def _margin(corners: Floats) -> Floats:
     """Return [triangles, 1] by how much boxes reach beyond triangles."""
-    diagonal = float(np.linalg.norm(np.ptp(corners.reshape(-1, 3), axis=0)))
-    longest = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1)
-    return np.asarray(EDGE * longest + ROUNDING * diagonal, np.float32)[:, None]
+    return np.asarray(EDGE * _edges(corners).max(axis=1) + ROUNDING * _diagonal(corners), np.float32)[:, None]
+
+
+def _edges(corners: Floats) -> Floats:
+    """Return [triangles, 3] lengths of edges, each from a corner to the next."""
+    return np.asarray(np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2))
+
+
+def _diagonal(corners: Floats) -> float:
+    """Return the diagonal of the box round triangles."""
+    return float(np.linalg.norm(np.ptp(corners.reshape(-1, 3), axis=0)))
 
 
 class _Level(NamedTuple):
@@ -211,11 +219,11 @@ def _cut(corners: Floats, whole: NDArray[np.bool_] | None) -> tuple[Floats, NDAr
     number = np.arange(len(corners))
     if not len(corners):
         return corners, number
-    longest = LONGEST * float(np.linalg.norm(np.ptp(corners.reshape(-1, 3), axis=0)))
+    longest = LONGEST * _diagonal(corners)
     room = MOST_CUTS + len(corners) // 8
     done: list[tuple[Floats, NDArray[np.int64]]] = []
     while True:
-        edges = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+        edges = _edges(corners)
         large = edges.max(axis=1) > longest
         if whole is not None:
             large &= ~whole[number]

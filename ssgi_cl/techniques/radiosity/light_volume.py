@@ -32,7 +32,6 @@ LEAST_DIVIDED = 0.02
 """Part of the surfaces of a cell that face alike that a plane must hide from the others to divide it."""
 MOST_ASTRAY = 0.1
 """Part of them that may lie on the wrong side of it."""
-
 BEYOND = 0.1
 """Cells beyond which a plane divides no cell: one along the sides of cells decides where they look for surfaces."""
 LOOK = 0.25
@@ -156,8 +155,7 @@ class SurfaceCells:
         middle: Doubles = np.stack(np.unravel_index(place, shape))[::-1].T + np.float64(0.5)
         aside: Doubles = middle.copy()
         aside[self._sides] += self._planes[:, None, :3] * np.array([1.0, -1.0])[:, None]
-        z, y, x = np.clip(aside.astype(np.intp), 0, CELLS - 1).T[::-1]
-        around = np.ravel_multi_index((z, y, x), shape)
+        around = _cells_at(aside)
         for face in range(FACES):
             known = area[:, face] > 1e-6 * area[:, face].max(initial=0.0)
             area[~known, face] = 0.0
@@ -177,11 +175,10 @@ class SurfaceCells:
                 sides = self._sides[-1 - cell[empty]]
                 found[empty] = np.where(known[sides[:, 0]], sides[:, 0], sides[:, 1])
                 for step in _AROUND:
-                    to = np.clip(aside[given[empty]] + step, 0, CELLS - 1).astype(np.intp)
-                    other = self._resolved(
-                        number[(to[:, 2] * CELLS + to[:, 1]) * CELLS + to[:, 0]], aside[given[empty]]
-                    )
-                    there_too = occupied[(to[:, 2] * CELLS + to[:, 1]) * CELLS + to[:, 0]] & known[other]
+                    from_there = aside[given[empty]]
+                    to = _cells_at(from_there + step)
+                    other = self._resolved(number[to], from_there)
+                    there_too = occupied[to] & known[other]
                     found[empty[there_too]] = other[there_too]
                     empty = empty[~there_too]
                 self._near[given, face] = found * FACES + face
@@ -244,6 +241,7 @@ class SurfaceCells:
         names, first, member = np.unique(group[order], return_index=True, return_inverse=True)
         member[order] = member.copy()
         most = order[first]
+        total = np.bincount(member, weight, len(names))
         at = pieces.position + BEFORE * self.side * pieces.normal
         cells: list[NDArray[np.intp]] = []
         found: list[Doubles] = []
@@ -260,7 +258,6 @@ class SurfaceCells:
             chosen = seen[order[np.searchsorted(member[order], np.arange(len(names)))]]
             own = chosen[member]
             behind = np.einsum("nc,nc->n", own[:, :3], at) < own[:, 3]
-            total = np.bincount(member, weight, len(names))
             astray = np.bincount(member, weight * (behind != hidden), len(names))
             good = exists & (apart > LEAST_DIVIDED * total) & (astray < MOST_ASTRAY * np.minimum(total, 5.0 * apart))
             good = np.flatnonzero(good & chosen.any(axis=1))
@@ -273,9 +270,14 @@ class SurfaceCells:
         return _spread(cell, plane, share, there)
 
     def _cell(self, position: Doubles) -> NDArray[np.intp]:
-        x, y, z = np.clip(((position - self.low) / self.side).astype(np.intp), 0, CELLS - 1).T
-        found: NDArray[np.intp] = (z * CELLS + y) * CELLS + x
-        return found
+        return _cells_at((position - self.low) / self.side)
+
+
+def _cells_at(place: Doubles) -> NDArray[np.intp]:
+    """Return the numbers of the cells at places [n, 3] in cells, of the nearest for places outside of the cube."""
+    x, y, z = np.clip(place.astype(np.intp), 0, CELLS - 1).T
+    found: NDArray[np.intp] = (z * CELLS + y) * CELLS + x
+    return found
 
 
 def _nearest(there: NDArray[np.bool_]) -> NDArray[np.int32]:

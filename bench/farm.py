@@ -12,8 +12,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from ssgi_cl.core.errors import SequenceError, TruthError
 from ssgi_cl.device.arrays import Size
 from ssgi_cl.device.runtime import Runtime
@@ -145,20 +143,15 @@ def _joined(
     parts: list[Part], skipped: list[dict[str, str]], interrupted: bool
 ) -> tuple[dict[str, Any], suite.Measurements]:
     """Return the parts as one; SequenceError if machines differ in more than the time."""
-    first, found = parts[0]
+    first, _ = parts[0]
     for stamp, _ in parts[1:]:
         for name, value in first.items():
             if name != "created" and stamp[name] != value:
                 raise SequenceError(
                     f"the machines differ in {name}: {value} and {stamp[name]}; expected machines alike"
                 )
-    whole = replace(found, results=[], skipped=skipped, pictures={}, interrupted=interrupted)
-    for _, part in parts:
-        whole.results += part.results
-        whole.skipped += part.skipped
-        whole.pictures |= part.pictures
-    whole.reference_ms = float(np.median([part.reference_ms for _, part in parts]))
-    return first, whole
+    whole = suite.joined([part for _, part in parts])
+    return first, replace(whole, skipped=skipped + whole.skipped, interrupted=interrupted)
 
 
 def _truths_at(place: Place, *, asked: Asked, folder: Path) -> list[str]:

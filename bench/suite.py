@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import fnmatch
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -155,6 +155,17 @@ def measure(
     if watch.reference_ms:
         found.reference_ms = float(np.median(watch.reference_ms))
     return found
+
+
+def joined(parts: Sequence[Measurements]) -> Measurements:
+    """Return parts of a run as one, with the calibration of the first; at least one part."""
+    whole = replace(parts[0], results=[], skipped=[], pictures={}, interrupted=any(part.interrupted for part in parts))
+    for part in parts:
+        whole.results += part.results
+        whole.skipped += part.skipped
+        whole.pictures |= part.pictures
+    whole.reference_ms = float(np.median([part.reference_ms for part in parts]))
+    return whole
 
 
 def make_truths(

@@ -44,13 +44,17 @@ _HEAD = (
 
 def told(results: Sequence[Result]) -> str:
     """Return the lines of a Markdown table: a row for each scene of the results, in their order."""
-    lines = []
+    return "\n".join(_table(results))
+
+
+def _table(results: Sequence[Result]) -> list[str]:
+    rows = []
     for scene in dict.fromkeys(result["scene"] for result in results):
         found = {short_name(result): result for result in results if result["scene"] == scene}
         own = found.get(OWN)
         if own is not None:
-            lines.append((scene, *_cells(found), _ratio(own, found.get(ONE)), ", ".join(nearer(found)) or "none"))
-    return "\n".join(markdown(_HEAD, lines, "l" + 12 * "r" + "l"))
+            rows.append((scene, *_cells(found), _ratio(own, found.get(ONE)), ", ".join(nearer(found)) or "none"))
+    return markdown(_HEAD, rows, "l" + 12 * "r" + "l")
 
 
 def nearer(found: Mapping[str, Result]) -> list[str]:
@@ -96,7 +100,8 @@ def main(
 ) -> None:
     """Print a table of the default frame beside path tracers on views of the report and of validation.
 
-    With the default 256 paths of the references it takes some hours on two cores; references are kept.
+    With the default 256 paths of the references it takes some hours on two cores; references are kept, and each
+    view's row is printed and written as soon as it is measured.
     """
     check_output(output, ".json")
     rooms = [*VALIDATION_ROOMS, *(str(_VIEWS / f"{name}.json") for name in VALIDATION_MESHES if meshes)]
@@ -104,25 +109,32 @@ def main(
     settings = TruthSettings(paths=truth_paths)
     with human_errors():
         runtime = Runtime.open(device)
-        done: list[suite.Measurements] = []
+        parts: list[suite.Measurements] = []
         with progress_bar() as step:
             for title, names in tables.items():
-                views = views_of(names, runtime, meshes)
-                cases = suite.select(CASES, list(views), [size], FAMILIES)
-                found = suite.measure(
-                    cases, views, runtime, truths=settings, seconds=seconds, families=FAMILIES, report=step
-                )
-                done.append(found)
-                heading = f"## {title}\n\n" if title else ""
-                click.echo(f"{heading}{told(found.results)}\n")
-                for entry in found.skipped:
-                    click.echo(f"skipped {entry['name']}: {entry['reason']}")
-        if output is not None:
-            whole = done[0]
-            for more in done[1:]:
-                whole.results += more.results
-                whole.skipped += more.skipped
-            document.write(output, {**document.stamp(runtime), **suite.entries(whole, settings, seconds)})
+                click.echo("\n".join([f"## {title}\n"] * bool(title) + _table([])))
+                for name in names:
+                    views = views_of([name], runtime, meshes)
+                    cases = suite.select(CASES, list(views), [size], FAMILIES)
+                    part = suite.measure(
+                        cases, views, runtime, truths=settings, seconds=seconds, families=FAMILIES, report=step
+                    )
+                    parts.append(part)
+                    _tell(part)
+                    if output is not None:
+                        whole = suite.entries(suite.joined(parts), settings, seconds)
+                        document.write(output, {**document.stamp(runtime), **whole})
+                    if part.interrupted:
+                        return
+                click.echo()
+
+
+def _tell(part: suite.Measurements) -> None:
+    """Print a view's row, and on standard error what is missing in it."""
+    for line in _table(part.results)[2:]:
+        click.echo(line)
+    for entry in part.skipped:
+        click.echo(f"skipped {entry['name']}: {entry['reason']}", err=True)
 
 
 if __name__ == "__main__":

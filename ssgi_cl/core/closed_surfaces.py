@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
 from ssgi_cl.core.scene import Scene
 
@@ -44,27 +46,17 @@ def _keys(positions: NDArray[np.float32]) -> NDArray[np.void]:
     return rows.view(np.dtype((np.void, rows.dtype.itemsize * 3))).ravel()
 
 
-def _parts(triangle: NDArray[np.int64], starts: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-    """Return the least number of the triangles that each is connected to.
+def _parts(triangle: NDArray[np.int64], starts: NDArray[np.int64], count: int) -> NDArray[np.int32]:
+    """Return the number of the connected surface that each triangle belongs to.
 
     Args:
         triangle: of each edge, equal edges one after the other.
         starts: where the first of equal edges are.
         count: of triangles.
     """
-    part = np.arange(count)
-    lengths = np.diff(starts, append=len(triangle))
-    while True:
-        least = np.repeat(np.minimum.reduceat(part[triangle], starts), lengths)
-        found = part.copy()
-        np.minimum.at(found, part[triangle], least)
-        found = found[found]
-        while True:
-            nearer = found[found]
-            if np.array_equal(nearer, found):
-                break
-            found = nearer
-        found = found[part]
-        if np.array_equal(found, part):
-            return part
-        part = found
+    following = np.delete(np.arange(len(triangle)), starts)
+    links = csr_array(
+        (np.ones(len(following), bool), (triangle[following - 1], triangle[following])), shape=(count, count)
+    )
+    parts: NDArray[np.int32] = connected_components(links, directed=False)[1]
+    return parts

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.wide_bvh import wide_bvh_of
 from ssgi_cl.device.arrays import DeviceArray
 from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.rasterize.raster.bvh_split import bvh_split
 from ssgi_cl.rasterize.raster.view import device_scene
 
 MANY = 1 << 14
@@ -32,7 +34,7 @@ class SceneBvh:
         chosen = np.flatnonzero(scene.cut_out)
         number = np.zeros(len(scene.triangles), np.int32)
         number[chosen] = np.arange(1, len(chosen) + 1)
-        bvh = bvh_of(scene.positions[scene.triangles], scene.culled_backs, number)
+        bvh = bvh_of(scene.positions[scene.triangles], scene.culled_backs, partial(bvh_split, runtime), number)
         self.nodes = runtime.array(bvh.nodes)
         self.triangles = runtime.array(bvh.triangles)
         by_one = runtime.variant.lanes > 1 and len(bvh.triangles) > MANY

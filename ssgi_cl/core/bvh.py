@@ -1,14 +1,14 @@
 """Bounding volume hierarchy: boxes round the triangles of a scene, for rays.
 
 Nodes are split where the surface areas of their halves, which say how many rays meet them, promise the least work
-(Goldsmith and Salmon 1987, "Automatic Creation of Object Hierarchies for Ray Tracing"; in bins, Wald 2007, "On fast
-Construction of SAH-based Bounding Volume Hierarchies"). Nodes lie in the order in which a ray comes to them
-and name the node that follows when it misses one, so that no stack is needed (Smits 1998, "Efficiency Issues for Ray
-Tracing").
+(Goldsmith and Salmon 1987, "Automatic Creation of Object Hierarchies for Ray Tracing"), by kernels/rays/bvh_split.cl.
+Nodes lie in the order in which a ray comes to them and name the node that follows when it misses one, so that no stack
+is needed (Smits 1998, "Efficiency Issues for Ray Tracing").
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float32]
+Ints = NDArray[np.int32]
 
 LEAF = 4
 """Triangles of a leaf at most."""
@@ -26,7 +27,7 @@ MOST_CUTS = 512
 """Triangles that cutting adds at most, and as many again as an eighth of the scene's."""
 BINS = 16
 """Places at which a node may be split, and one."""
-DEEPEST = 40
+DEEPEST = 39
 """Levels of nodes, of any scene, that are split where it promises the least work. Those below are halved, so that the
 hierarchy of 2^30 triangles has at most 68 levels of nodes that are split: `WAITING` of wide_bvh.py relies on it."""
 EDGE, ROUNDING = 2e-5, 2e-6
@@ -53,187 +54,122 @@ class Bvh:
     triangles: Floats
 
 
-def bvh_of(corners: Floats, culled: NDArray[np.bool_], holes: NDArray[np.int32] | None = None) -> Bvh:
+class Halves(NamedTuple):
+    """Nodes as they are split, see kernels/rays/bvh_split.cl.
+
+    Attributes:
+        nodes: [boxes, 2, 8] inner nodes by the box that their second half begins with, and leaves by their first:
+            minus the least corner, their first box (int32 bits), the greatest corner, how many they have (int32 bits).
+        lefts: [boxes, 2] one more than in how many of the splits above they were the left half; 0 of unused places.
+        order: [boxes] numbers of boxes, those of each node one after the other.
+    """
+
+    nodes: Floats
+    lefts: Ints
+    order: Ints
+
+
+def bvh_of(
+    corners: Floats, culled: NDArray[np.bool_], split: Callable[[Floats], Halves], holes: Ints | None = None
+) -> Bvh:
     """Return the hierarchy of triangles; one node that no ray meets where there are none.
 
     Args:
         corners: [triangles, 3, 3] float32, scene units.
         culled: [triangles] whether the back is not there.
+        split: what splits boxes [boxes, 8]: minus the least corner, their number (int32 bits), the greatest corner, 0.
         holes: [triangles] 0 where a triangle has none, else the number of its record, from 1.
     """
-    corners, number = _cut(np.asarray(corners, np.float32), None if holes is None else holes != 0)
+    corners = np.asarray(corners, np.float32)
     if not len(corners):
         nodes = np.zeros((1, NODE), np.float32)
         nodes[:, 0:3], nodes[:, 4:7], nodes.view(np.int32)[:, 3] = np.inf, -np.inf, 1
         return Bvh(nodes, np.zeros((1, TRIANGLE), np.float32))
-    margin = _margin(corners)
-    low, high = corners.min(axis=1) - margin, corners.max(axis=1) + margin
-    order, levels = _split(low, high)
-    sizes = _sizes(levels)
-    nodes = np.zeros((int(sizes[0][0]), NODE), np.float32)
-    bits = nodes.view(np.int32)
-    places = np.zeros(1, np.int64)
-    for level, size, below in zip(levels, sizes, [*sizes[1:], np.zeros(0, np.int64)], strict=True):
-        nodes[places, 0:3], nodes[places, 4:7] = level.low, level.high
-        bits[places, 3] = places + size
-        leaf = ~level.parted
-        bits[places[leaf], 7] = 8 * level.first[leaf] + level.size[leaf]
-        # The left child follows its parent, the right one all below the left one.
-        left = places[level.parted] + 1
-        places = np.stack([left, left + below[0::2]], axis=1).ravel()
+    diagonal = _diagonal(corners)
+    corners, number = _cut(corners, LONGEST * diagonal, None if holes is None else holes != 0)
+    found = split(_boxes(corners, diagonal))
+    order = found.order
     triangles = np.zeros((len(corners), TRIANGLE), np.float32)
     corners, number = corners[order], number[order]
     triangles[:, :3] = corners[:, 0]
-    triangles[:, 3:9] = (corners[:, 1:] - corners[:, :1]).reshape(-1, 6)
+    triangles[:, 3:6] = corners[:, 1] - corners[:, 0]
+    triangles[:, 6:9] = corners[:, 2] - corners[:, 0]
     triangles[:, 9] = culled[number]
     triangles.view(np.int32)[:, 10] = number
     if holes is not None:
         triangles.view(np.int32)[:, 11] = holes[number]
-    return Bvh(nodes, triangles)
+    return Bvh(_nodes(found), triangles)
 
 
-def _margin(corners: Floats) -> Floats:
-    """Return [triangles, 1] by how much boxes reach beyond triangles."""
-    return np.asarray(EDGE * _edges(corners).max(axis=1) + ROUNDING * _diagonal(corners), np.float32)[:, None]
+def _nodes(found: Halves) -> Floats:
+    """Return nodes in the order in which rays come to them.
+
+    Before a node come its ancestors, and all below the left half of those of which it is in the right one: two nodes
+    for each leaf there less one. So these are twice the leaves before it, and one for each split above of which it is
+    in the left half.
+    """
+    used = np.flatnonzero(found.lefts)
+    kept, leaf = found.nodes.reshape(-1, NODE)[used], used & 1
+    first, count = kept.view(np.int32)[:, 3], kept.view(np.int32)[:, 7]
+    leaves = np.concatenate([np.zeros(1, np.int64), np.cumsum(found.lefts[:, 1] != 0)])
+    before = leaves[first]
+    place = 2 * before + found.lefts.ravel()[used] - 1
+    nodes = np.empty((len(used), NODE), np.float32)
+    kept[:, 0:3] *= -1.0
+    follows = place + 2 * (leaves[first + count] - before) - 1
+    kept.view(np.int32)[:, 7] = leaf * (8 * first + count)
+    kept.view(np.int32)[:, 3] = follows
+    nodes[place] = kept
+    return nodes
 
 
-def _edges(corners: Floats) -> Floats:
-    """Return [triangles, 3] lengths of edges, each from a corner to the next."""
-    return np.asarray(np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2))
+def _boxes(corners: Floats, diagonal: float) -> Floats:
+    """Return boxes round triangles and a margin, as `bvh_of` says."""
+    first, second, third = (corners[:, i] for i in range(3))
+    margin = (EDGE * _lengths(corners).max(axis=0) + ROUNDING * diagonal).astype(np.float32)[:, None]
+    boxes = np.zeros((len(corners), NODE), np.float32)
+    boxes[:, 0:3] = margin - np.minimum(np.minimum(first, second), third)
+    boxes[:, 4:7] = margin + np.maximum(np.maximum(first, second), third)
+    boxes.view(np.int32)[:, 3] = np.arange(len(corners))
+    return boxes
+
+
+def _lengths(corners: Floats) -> Floats:
+    """Return [3, triangles] lengths of edges, each from a corner to the next."""
+    found = np.empty((3, len(corners)), np.float32)
+    for i in range(3):
+        x, y, z = (corners[:, (i + 1) % 3] - corners[:, i]).T
+        found[i] = np.sqrt(x * x + y * y + z * z)
+    return found
 
 
 def _diagonal(corners: Floats) -> float:
     """Return the diagonal of the box round triangles."""
-    return float(np.linalg.norm(np.ptp(corners.reshape(-1, 3), axis=0)))
+    # Rows of 64 triangles: numpy is ten times as fast as on rows of three numbers.
+    whole = len(corners) // 64 * 64
+    rows = corners[:whole].reshape(-1, 3 * 3 * 64), corners[whole:].reshape(-1, 3)
+    ends = [end(row, axis=0).reshape(-1, 3) for row in rows if len(row) for end in (np.min, np.max)]
+    return float(np.linalg.norm(np.ptp(np.concatenate(ends), axis=0)))
 
 
-class _Level(NamedTuple):
-    """Nodes of one depth, [n] each: their triangles in the order, boxes, and whether they have children, which are
-    the next level's, two by two."""
-
-    first: NDArray[np.int64]
-    size: NDArray[np.int64]
-    low: Floats
-    high: Floats
-    parted: NDArray[np.bool_]
-
-
-def _sizes(levels: list[_Level]) -> list[NDArray[np.int64]]:
-    """Return how many nodes the subtree of each node has."""
-    found: list[NDArray[np.int64]] = []
-    for level in reversed(levels):
-        size = np.ones(len(level.first), np.int64)
-        if found:
-            size[level.parted] += found[-1].reshape(-1, 2).sum(axis=1)
-        found.append(size)
-    return found[::-1]
-
-
-def _split(low: Floats, high: Floats) -> tuple[NDArray[np.int64], list[_Level]]:
-    """Return the order of boxes in which each node's are neighbours, and the nodes by depth.
-
-    A node's boxes go to `BINS` bins by their middle along the axis in which the middles lie farthest apart; it is
-    split between the bins where the areas of the halves' boxes, times how many they hold, sum to the least.
-    """
-    middle = 0.5 * (low + high)
-    order = np.arange(len(low))
-    first, count = np.zeros(1, np.int64), np.full(1, len(low), np.int64)
-    levels = []
-    while len(first):
-        inside = np.repeat(first - np.cumsum(count) + count, count) + np.arange(count.sum())
-        own = order[inside]
-        starts = np.cumsum(count) - count
-        least, most = np.minimum.reduceat(low[own], starts), np.maximum.reduceat(high[own], starts)
-        parted = count > LEAF
-        levels.append(_Level(first, count, least, most, parted))
-        if not parted.any():
-            break
-        inside, own = inside[np.repeat(parted, count)], own[np.repeat(parted, count)]
-        first, count = first[parted], count[parted]
-        starts = np.cumsum(count) - count
-        if len(levels) < DEEPEST:
-            order[inside], left = _halves(low, high, middle, own, starts, count)
-        else:
-            left = count // 2
-        first = np.stack([first, first + left], axis=1).ravel()
-        count = np.stack([left, count - left], axis=1).ravel()
-    return order, levels
-
-
-def _halves(
-    low: Floats,
-    high: Floats,
-    middle: Floats,
-    own: NDArray[np.int64],
-    starts: NDArray[np.int64],
-    count: NDArray[np.int64],
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the boxes `own` of nodes in the order of their bins, and how many of each node go to the left."""
-    nodes = len(starts)
-    node = np.repeat(np.arange(nodes), count)
-    at = middle[own]
-    least, most = np.minimum.reduceat(at, starts), np.maximum.reduceat(at, starts)
-    axis = (most - least).argmax(axis=1)
-    row = np.arange(nodes)
-    begin, wide = least[row, axis], (most - least)[row, axis]
-    along = (np.take_along_axis(at, axis[node][:, None], 1)[:, 0] - begin[node]) / np.maximum(wide, 1e-30)[node]
-    key = node * BINS + np.minimum((along * BINS).astype(np.int64), BINS - 1)
-    # One sort of numbers is several times faster than an indirect one.
-    sorted_ = np.sort(key << 32 | np.arange(len(own)))
-    own = own[sorted_ & 0xFFFFFFFF]
-    key = sorted_ >> 32
-    begins = np.flatnonzero(np.diff(key, prepend=-1))
-    held = np.zeros(nodes * BINS, np.int64)
-    held[key[begins]] = np.diff(begins, append=len(own))
-    lows = np.full((nodes * BINS, 3), np.inf, np.float32)
-    highs = np.full((nodes * BINS, 3), -np.inf, np.float32)
-    lows[key[begins]], highs[key[begins]] = (
-        np.minimum.reduceat(low[own], begins),
-        np.maximum.reduceat(high[own], begins),
-    )
-    least_of, most_of = lows.reshape(nodes, BINS, 3), highs.reshape(nodes, BINS, 3)
-    before = held.reshape(nodes, BINS).cumsum(axis=1)[:, :-1]
-    after = count[:, None] - before
-    cost = before * _area(np.minimum.accumulate(least_of, 1), np.maximum.accumulate(most_of, 1))[:, :-1]
-    back = slice(None, None, -1)
-    cost += (
-        after
-        * _area(np.minimum.accumulate(least_of[:, back], 1), np.maximum.accumulate(most_of[:, back], 1))[:, -2::-1]
-    )
-    cost = np.where((before > 0) & (after > 0), cost, np.inf)
-    best = cost.argmin(axis=1)
-    left = before[row, best]
-    # All in one place: any half.
-    return own, np.where(np.isfinite(cost[row, best]), left, count // 2)
-
-
-def _area(low: Floats, high: Floats) -> NDArray[np.float64]:
-    """Return half the surface of boxes, 0 of empty ones."""
-    x, y, z = np.moveaxis(np.maximum((high - low).astype(np.float64), 0.0), -1, 0)
-    return np.asarray(x * y + y * z + z * x)
-
-
-def _cut(corners: Floats, whole: NDArray[np.bool_] | None) -> tuple[Floats, NDArray[np.int64]]:
-    """Return triangles [n, 3, 3] of which the largest are cut across their longest edge, and whose parts they are.
-    Those that are to stay `whole` do."""
+def _cut(corners: Floats, longest: float, whole: NDArray[np.bool_] | None) -> tuple[Floats, NDArray[np.int64]]:
+    """Return triangles [n, 3, 3] of which those with edges above the `longest` are cut across these, and whose parts
+    they are. Those that are to stay `whole` do."""
     number = np.arange(len(corners))
-    if not len(corners):
-        return corners, number
-    longest = LONGEST * _diagonal(corners)
     room = MOST_CUTS + len(corners) // 8
     done: list[tuple[Floats, NDArray[np.int64]]] = []
     while True:
-        edges = _edges(corners)
-        large = edges.max(axis=1) > longest
+        edges = _lengths(corners)
+        large = edges.max(axis=0) > longest
         if whole is not None:
             large &= ~whole[number]
         if not large.any() or np.count_nonzero(large) > room:
             break
         done.append((corners[~large], number[~large]))
-        corners, number, edges = corners[large], number[large], edges[large]
+        corners, number, edges = corners[large], number[large], edges[:, large]
         room -= len(corners)
         # The longest edge first: its middle is joined to the opposite corner.
-        turn = (edges.argmax(axis=1)[:, None] + np.arange(3)) % 3
+        turn = (edges.argmax(axis=0)[:, None] + np.arange(3)) % 3
         corners = np.take_along_axis(corners, turn[..., None], 1)
         middle = 0.5 * (corners[:, 0] + corners[:, 1])
         corners = np.concatenate(

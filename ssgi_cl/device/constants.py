@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 
+from ssgi_cl.core.bvh import BINS, DEEPEST, LEAF
 from ssgi_cl.core.environment_samples import POINTS
 from ssgi_cl.core.hemisphere import TILE
 from ssgi_cl.core.history import Reset
@@ -78,6 +79,10 @@ MULTIRES_TILE = 16
 GATHER_TILE = TILE
 """Points along the side of a tile whose points have other rays each; a power of two."""
 
+BVH_LEAF, BVH_BINS, BVH_DEEPEST = LEAF, BINS, DEEPEST
+"""How nodes of hierarchies are split, see `ssgi_cl.core.bvh`."""
+BVH_WAITING = DEEPEST + 32
+"""Nodes that wait to be split, at most: one for each level below, and one."""
 RAYS_WAITING = WAITING
 """Boxes that wait to be entered on the way of a ray, at most."""
 

@@ -127,11 +127,18 @@ class AreaLights(Prepared[AreaLightsParams]):
                 )  # fmt: skip
             added: dict[str, Any] = {} if direct is None else {"direct": direct}
             macros = {**macros, "AREA_ADDS": len(added), "AREA_REACH": self.params.blur}
-            runtime.kernel("area_lights/area_filter.cl", macros, (CAMERA, AREA)).run(
-                self.size, region=region, depth=gbuffer.depth, normal=gbuffer.normal, sampled=sampled, light=light,
-                cells=cells, irradiance=irradiance, camera=gbuffer.camera_struct, params=values,
-                **added,
-            )  # fmt: skip
+
+            def blur(along: int, **given: Any) -> None:
+                runtime.kernel("area_lights/area_filter.cl", {**macros, "AREA_ALONG": along}, (CAMERA, AREA)).run(
+                    self.size, region=region, depth=gbuffer.depth, normal=gbuffer.normal, cells=cells,
+                    camera=gbuffer.camera_struct, params=values, **given,
+                )  # fmt: skip
+
+            if self.params.blur:
+                means = runtime.transient.plane(2 * channels + 1, self.size)
+                blur(0, sampled=sampled, means=means)
+                sampled = means
+            blur(1, sampled=sampled, light=light, irradiance=irradiance, **added)
         return irradiance
 
 

@@ -1,0 +1,39 @@
+"""Nodes of hierarchies split on the device."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ssgi_cl.core.bvh import NODE, Floats, Halves, Ints
+from ssgi_cl.device.runtime import Runtime
+
+WHOLE = 1024
+"""Boxes that a work-item splits down to leaves. Nodes of more are split level by level, a work-item each."""
+
+
+def bvh_split(runtime: Runtime, boxes: Floats) -> Halves:
+    """Return the nodes of the hierarchy of boxes, see kernels/rays/bvh_split.cl."""
+    count = len(boxes)
+    kernel = runtime.kernel("rays/bvh_split.cl")
+    both = runtime.empty(2 * NODE * count, np.float32)
+    both.upload(boxes.ravel())
+    nodes = runtime.empty(2 * NODE * count, np.float32)
+    lefts = runtime.array(np.zeros(2 * count, np.int32))
+    order = runtime.empty(count, np.int32)
+
+    def halved(open_: Ints, once: bool) -> Ints:
+        halves = runtime.empty(8 * len(open_) if once else 1, np.int32)
+        kernel.run(
+            (1, len(open_)), grid=(1, len(open_)), local=runtime.small_groups(1), open=runtime.array(open_),
+            boxes=both, halves=halves, nodes=nodes, lefts=lefts, order=order, stride=count, once=int(once),
+        )  # fmt: skip
+        return halves.download().reshape(-1, 4) if once else open_
+
+    ready: list[Ints] = []
+    open_ = np.array([[0, count, 0, 0]], np.int32)
+    while len(open_):
+        large = open_[:, 1] > WHOLE
+        ready.append(open_[~large])
+        open_ = halved(open_[large], once=True) if large.any() else open_[:0]
+    halved(np.concatenate(ready), once=False)
+    return Halves(nodes.download().reshape(-1, 2, NODE), lefts.download().reshape(-1, 2), order.download())

@@ -8,12 +8,12 @@
 //
 // A box is a float8: minus its least corner, any number, its greatest corner, any number; so that
 // the box round two is their greater numbers. Boxes of a level are sorted from one array to
-// another, and those of the next level back. Reads:   open    [size.x][4] nodes to split: their
-// first box, how many they have, their depth, and
+// another, and those of the next level back.
+//
+// Reads:   open    [size.x][4] nodes to split: their first box, how many they have, their depth,
 //                  in how many of the splits above they were the left half
 // Writes:  boxes   [2][stride] those to be split in the array of their depth, odd or even; the
-// fourth
-//                  number is the triangle's (int bits)
+//                  fourth number is the triangle's (int bits)
 //          halves  [size.x][2][4] what they were split into, if `once`; unless they are leaves
 //          nodes   [stride][2][8] inner nodes by the box that their second half begins with, leaves
 //                  by their first: minus the least corner, their first box (int bits), the greatest

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from threading import Lock
-from typing import Any, TypeVar, cast
+from typing import Any, NoReturn, TypeVar, cast
 from weakref import WeakKeyDictionary, finalize
 
 from ssgi_cl.core.errors import DeviceMemoryError
@@ -153,11 +153,15 @@ class DeviceMemory:
             )
 
     def needed(self, make: Callable[[], Any]) -> int:
-        """Return how much `make` would take, called while nothing is allocated or compiled."""
+        """Return how much `make` would take, called while nothing is allocated or compiled.
+
+        At least: what it takes after it has read results of the device is not known.
+        """
         self._counted = 0
         self.reserved = 0
         try:
-            make()
+            with suppress(_UnknownResultError):
+                make()
         finally:
             counted, self._counted = self._counted, None
         return counted
@@ -182,3 +186,10 @@ class _Outline:
         pass
 
     upload = run = written = _nothing
+
+    def download(self) -> NoReturn:
+        raise _UnknownResultError
+
+
+class _UnknownResultError(Exception):
+    """Results are asked for while memory is only counted."""

@@ -114,6 +114,6 @@ class PreparedResults:
         except DeviceMemoryError as error:
             needed = self._runtime.memory.needed(make)
             raise DeviceMemoryError(
-                f"{error}; {needed / 2**20:.1f} MiB are needed in all: take a smaller size, fewer "
+                f"{error}; at least {needed / 2**20:.1f} MiB are needed in all: take a smaller size, fewer "
                 "layers or less overscan"
             ) from error

@@ -157,7 +157,7 @@ def structs() -> list[Struct]:
 def test_every_kernel_takes_its_size_and_known_types(structs: list[Struct]) -> None:
     assert len({struct.name for struct in structs}) == len(structs)
     values = "|".join(("float", "int", "int2", *(struct.name for struct in structs)))
-    memory = r"(ssgi_optional )?__global (const )?(float|int|uint|uchar)[24]? \*(restrict )?"
+    memory = r"(ssgi_optional )?__global (const )?(float|int|uint|uchar)[248]? \*(restrict )?"
     known = re.compile(rf"(ssgi_plane |{memory}|const ({values}) )\w+")
     # `Kernel.run` has options of these names.
     options = {*inspect.getfullargspec(Kernel.run).kwonlyargs}

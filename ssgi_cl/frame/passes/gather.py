@@ -17,9 +17,8 @@ from ssgi_cl.techniques.radiosity.surfel_history import STEADY_LIGHTS
 
 SURFEL_CAPACITY = 3
 """Most lights that radiosity returns, as a multiple of the surfels asked for; of a sequence `STEADY_LIGHTS`."""
-GRAIN = BilateralParams(radius=4, sigma=3.0)
-"""The blur of what rays find of sunlit patches, where no lights carry it: points of small surfaces have few rays.
-FLIP of hall falls from .130 to .125, that of workshop stays."""
+GRAIN = BilateralParams(radius=4, sigma=2.5)
+"""The blur of what rays find: points of small surfaces and along edges have few rays, whose grain showed as dots."""
 
 
 def gather(build: Build) -> Stage:
@@ -40,21 +39,21 @@ def gather(build: Build) -> Stage:
     def run(r: Declared) -> tuple[Plane, Occupancy | None]:
         maps, seen, casting = r[of.RSM], r[of.GBUFFER], r[of.CASTING]
         exact = rays_meet_triangles(casting)
-        by_rays = rays_carry_first_bounce(casting)
+        even = r[of.EVEN_LIGHT] if exact else None
         found = splat.gather(
             seen,
-            rsms=[] if maps is None or by_rays else [maps],
+            rsms=[] if maps is None or rays_carry_first_bounce(casting) else [maps],
             scene=None if exact else device_scene(casting, runtime),
             blockers=casting if exact else None,
             surfels=None if exact else r[of.SURFELS],
-            even=r[of.EVEN_LIGHT] if exact else None,
+            even=even,
             other_light=[plane for plane in (r[of.SKY_LIGHT], r[of.DIRECT]) if plane is not None],
             order=r[of.SURFEL_HISTORY].order if build.history else None,
         )
         blocked = found.occupancy
         if blocked is None and seen.mirrors:
             blocked = splat.block(seen, casting)
-        return smooth().run(seen, found.irradiance) if by_rays else found.irradiance, blocked
+        return found.irradiance if even is None else smooth().run(seen, found.irradiance), blocked
 
     earlier = (of.SURFEL_HISTORY,) if build.history else ()
     return Stage(

@@ -12,6 +12,7 @@ from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.params import Params, Prepared, param, with_fields_described
 from ssgi_cl.core.sampling import r_points
 from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.constants import AREA_CELL_COLUMNS, AREA_CELL_ROWS, AREA_NOISE
 from ssgi_cl.device.gbuffer import DeviceGBuffer, on_device
@@ -107,12 +108,12 @@ class AreaLights(Prepared[AreaLightsParams]):
             "before": self.params.rays / (self.params.rays + self.params.more_rays),
             "count": emitters.count, "margin_columns": gbuffer.margin[1], "margin_rows": gbuffer.margin[0],
         })  # fmt: skip
-        sampled = runtime.transient.plane(2 * channels + 2, self.size)
         light = runtime.transient.plane(3, self.size)
         macros = {"AREA_CHANNELS": channels}
         cells = runtime.transient.array(self._cells, np.int32)
         runtime.transient.zero(cells)
         with self._irradiance.over(gbuffer.seen) as (irradiance, region):
+            sampled = self._around(2 * channels + 2, region)
             for step, (rays, noise) in enumerate(self._steps):
                 given: dict[str, Any] = {**bvh.cutouts, **({} if step else {"irradiance": light})}
                 runtime.kernel(
@@ -126,20 +127,25 @@ class AreaLights(Prepared[AreaLightsParams]):
                     camera=gbuffer.camera_struct, params=values, **given,
                 )  # fmt: skip
             added: dict[str, Any] = {} if direct is None else {"direct": direct}
-            macros = {**macros, "AREA_ADDS": len(added), "AREA_REACH": self.params.blur}
+            macros = {**macros, "AREA_REACH": self.params.blur}
 
-            def blur(along: int, **given: Any) -> None:
-                runtime.kernel("area_lights/area_filter.cl", {**macros, "AREA_ALONG": along}, (CAMERA, AREA)).run(
+            def blur(name: str, own: dict[str, int], **planes: Any) -> None:
+                runtime.kernel(f"area_lights/{name}.cl", {**macros, **own}, (CAMERA, AREA)).run(
                     self.size, region=region, depth=gbuffer.depth, normal=gbuffer.normal, cells=cells,
-                    camera=gbuffer.camera_struct, params=values, **given,
+                    camera=gbuffer.camera_struct, params=values, **planes,
                 )  # fmt: skip
 
             if self.params.blur:
-                means = runtime.transient.plane(2 * channels + 1, self.size)
-                blur(0, sampled=sampled, means=means)
+                means = self._around(2 * channels + 1, region)
+                blur("area_rows", {}, sampled=sampled, means=means)
                 sampled = means
-            blur(1, sampled=sampled, light=light, irradiance=irradiance, **added)
+            blur("area_filter", {"AREA_ADDS": len(added)}, sampled=sampled, light=light, irradiance=irradiance, **added)
         return irradiance
+
+    def _around(self, count: int, region: Region | None) -> Plane:
+        """Return images that are 0 outside of the region: the blur reads beyond it."""
+        with Target(self.runtime, count, self.size, kept=False).over(region) as (plane, _):
+            return plane
 
 
 @banded(fixed_plan(AREA_NOISE))

@@ -15,7 +15,7 @@ from ssgi_cl.device.constants import SSGI_GROUP
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, Struct, floats, ints
 from ssgi_cl.techniques.multires.multires_grid import Level
-from ssgi_cl.techniques.occupancy.scene_rays import SCENE_RAYS, SceneRays, rays_carry_first_bounce
+from ssgi_cl.techniques.occupancy.scene_rays import SCENE_RAYS, SceneRays
 from ssgi_cl.techniques.radiosity.light_volume import LightVolume, device_volume
 from ssgi_cl.techniques.vpl.packed_vpls import VPL, packed_params
 from ssgi_cl.techniques.vpl.vpl_tree import CPU_ITEMS
@@ -27,12 +27,9 @@ REACH = 1.01
 """Length of rays, in diagonals of the scene's box."""
 PLACES = 16
 """Places along a pixel's side that differ in their rays."""
-SHARES = (1.0, 0.77, 0.4, 0.15)
-"""Parts of the rays that points of the coarsest level have, of those of the next ones, the last of all finer. Points of
-fine levels lie on small surfaces, where noise is hidden: with a third to a half of all rays FLIP of parlour stays
-within .0001, that of rooms with rods, a panel and a spot light within .0003, and cornell_box has .0561, not .0555."""
-BLURRED = 0.0625
-"""The last of `SHARES` in scenes of many triangles, where frames blur what rays find: hall has FLIP .125, not .124."""
+SHARES = (1.0, 0.77, 0.4, 0.0625)
+"""Parts of the rays that points of the coarsest level have, of those of the next ones, the last of all finer, whose
+values frames blur."""
 LEAST = 4
 """Rays of a point."""
 DEALT, MOST_DEALT, MOST_RAYS = 16, 1 << 14, 256
@@ -69,7 +66,7 @@ class FinalGather:
 
     def __init__(self, runtime: Runtime, rays: int) -> None:
         self.runtime = runtime
-        counts = [math.isqrt(max(int(share * rays), LEAST)) ** 2 for share in (*SHARES, BLURRED)]
+        counts = [math.isqrt(max(int(share * rays), LEAST)) ** 2 for share in SHARES]
         self._ways = [(count, runtime.array(hemisphere_ways(count))) for count in counts]
         self._volume: LightVolume | None = None
         self._found: Plane | None = None
@@ -82,7 +79,6 @@ class FinalGather:
             self._cells, self._records = device_volume(self.runtime, volume)
         x, y, z = ((np.asarray(scene.origin) - volume.low) / volume.side).tolist()
         columns_on, rows_on = tile_turn(camera)
-        self._blurred = rays_carry_first_bounce(scene)
         self._params = GATHER.pack(
             {
                 "per_cell": 1.0 / volume.side,
@@ -110,8 +106,7 @@ class FinalGather:
         if kept and (self._found is None or self._found.size != level.size):
             self._found = self.runtime.plane(FOUND, level.size)
         values = self._found if kept else level.values
-        finest = len(SHARES) if self._blurred else len(SHARES) - 1
-        count, ways = self._ways[finest if level.number >= len(SHARES) - 1 else level.number]
+        count, ways = self._ways[min(level.number, len(SHARES) - 1)]
         few = self.runtime.info.kind == "gpu" and level.most <= MOST_DEALT and count <= MOST_RAYS
         pieces = -(-level.most // self.runtime.variant.lanes)
         at_once = max(RAYS_AT_ONCE // count, 1) if self.runtime.info.kind == "gpu" else pieces

@@ -1,4 +1,4 @@
-"""area_filter on planes made by hand: penumbrae are blurred along a surface, and not over its edges."""
+"""area_rows and area_filter on planes made by hand: penumbrae are blurred along a surface, and not over its edges."""
 
 from __future__ import annotations
 
@@ -67,12 +67,8 @@ def share(
             "params": AREA.pack({name: 0 for name, _ in AREA.members}),
         }  # fmt: skip
         rows, columns = (
-            runtime.kernel(
-                "area_lights/area_filter.cl",
-                {"AREA_ALONG": along, "AREA_CHANNELS": 1, "AREA_ADDS": 0, "AREA_REACH": REACH},
-                (CAMERA, AREA),
-            )
-            for along in (0, 1)
+            runtime.kernel(f"area_lights/{name}.cl", {"AREA_CHANNELS": 1, "AREA_REACH": REACH, **own}, (CAMERA, AREA))
+            for name, own in (("area_rows", {}), ("area_filter", {"AREA_ADDS": 0}))
         )
         rows.run((ROWS, COLUMNS), sampled=plane(sampled), means=means, **given)
         light = plane(np.stack([ones] * 3))

@@ -70,14 +70,18 @@ class Halves(NamedTuple):
 
 
 def bvh_of(
-    corners: Floats, culled: NDArray[np.bool_], split: Callable[[Floats], Halves], holes: Ints | None = None
+    corners: Floats,
+    culled: NDArray[np.bool_],
+    split: Callable[[Floats], tuple[Floats, Ints, Ints]],
+    holes: Ints | None = None,
 ) -> Bvh:
     """Return the hierarchy of triangles; one node that no ray meets where there are none.
 
     Args:
         corners: [triangles, 3, 3] float32, scene units.
         culled: [triangles] whether the back is not there.
-        split: what splits boxes [boxes, 8]: minus the least corner, their number (int32 bits), the greatest corner, 0.
+        split: what returns `Halves` of boxes [boxes, 8]: minus the least corner, their number (int32 bits), the
+            greatest corner, 0.
         holes: [triangles] 0 where a triangle has none, else the number of its record, from 1.
     """
     corners = np.asarray(corners, np.float32)
@@ -87,7 +91,7 @@ def bvh_of(
         return Bvh(nodes, np.zeros((1, TRIANGLE), np.float32))
     diagonal = _diagonal(corners)
     corners, number = _cut(corners, LONGEST * diagonal, None if holes is None else holes != 0)
-    found = split(_boxes(corners, diagonal))
+    found = Halves(*split(_boxes(corners, diagonal)))
     order = found.order
     triangles = np.zeros((len(corners), TRIANGLE), np.float32)
     corners, number = corners[order], number[order]

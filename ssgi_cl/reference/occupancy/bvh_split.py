@@ -3,31 +3,33 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ssgi_cl.core.bvh import BINS, DEEPEST, LEAF, NODE, Floats, Halves, Ints
+Floats = NDArray[np.float32]
+Ints = NDArray[np.int32]
+
+LEAF, BINS, DEEPEST = 4, 16, 39
+"""Boxes of a leaf at most; bins that boxes are sorted into; levels that are split where it promises the least work."""
 
 
-def bvh_split(boxes: Floats) -> Halves:
-    """Return the nodes of the hierarchy of boxes [boxes, 8], see `ssgi_cl.core.bvh.bvh_of`."""
-    found = Halves(
-        np.zeros((len(boxes), 2, NODE), np.float32),
-        np.zeros((len(boxes), 2), np.int32),
-        np.arange(len(boxes), dtype=np.int32),
-    )
+def bvh_split(boxes: Floats) -> tuple[Floats, Ints, Ints]:
+    """Return the nodes of the hierarchy of boxes [boxes, 8], see `ssgi_cl.core.bvh.Halves`."""
+    nodes, all_lefts = np.zeros((len(boxes), 2, 8), np.float32), np.zeros((len(boxes), 2), np.int32)
+    order = np.arange(len(boxes), dtype=np.int32)
     waiting = [(0, len(boxes), 0, 0)]
     while waiting:
         first, count, depth, lefts = waiting.pop()
-        own = found.order[first : first + count]
+        own = order[first : first + count]
         left = 0
         if count > LEAF:
             left = _sorted(boxes, own) if depth < DEEPEST else count // 2
             waiting.append((first, left, depth + 1, lefts + 1))
             waiting.append((first + left, count - left, depth + 1, lefts))
         place = first + left, int(count <= LEAF)
-        found.nodes[place] = boxes[own].max(axis=0)
-        found.nodes.view(np.int32)[place][3], found.nodes.view(np.int32)[place][7] = first, count
-        found.lefts[place] = lefts + 1
-    return found
+        nodes[place] = boxes[own].max(axis=0)
+        nodes.view(np.int32)[place][3], nodes.view(np.int32)[place][7] = first, count
+        all_lefts[place] = lefts + 1
+    return nodes, all_lefts, order
 
 
 def _sorted(boxes: Floats, own: Ints) -> int:

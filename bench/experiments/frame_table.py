@@ -34,6 +34,7 @@ VALIDATION_MESHES = ("country_kitchen", "veach_ajar")
 OWN, FIRST = "frame.default", "frame-first.default"
 ONE, ONE_FIRST, FOUR = "mitsuba-frame-oidn.1", "mitsuba-frame-oidn-first.1", "mitsuba-frame-oidn.4"
 CASES = (OWN, FIRST, ONE_FIRST, *(f"{family}.{samples}" for family in KEPT for samples in SETTINGS))
+FEW = (OWN, FIRST, ONE_FIRST, ONE, FOUR)
 _VIEWS = Path(__file__).resolve().parent.parent.parent / "docs" / "views"
 _HEAD = (
     *("view", "first, ms", "kept, ms", "FLIP", "mottling"),
@@ -88,6 +89,7 @@ def _ratio(own: Result, other: Result | None) -> str:
 @device_option
 @click.option("--truth-paths", default=256, show_default=True, type=click.IntRange(2, 1 << 20), help="Per pixel.")
 @click.option("--seconds", default=3.0, show_default=True, type=click.FloatRange(0.01, 60.0), help="Of each case.")
+@click.option("--few", is_flag=True, help="1 and 4 denoised paths alone as peers: a minute or two a view.")
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Write what was measured, .json.")
 def main(
     scenes: tuple[str, ...],
@@ -96,6 +98,7 @@ def main(
     device: str | None,
     truth_paths: int,
     seconds: float,
+    few: bool,
     output: Path | None,
 ) -> None:
     """Print a table of the default frame beside path tracers on views of the report and of validation.
@@ -115,7 +118,7 @@ def main(
                 click.echo("\n".join([f"## {title}\n"] * bool(title) + _table([])))
                 for name in names:
                     views = views_of([name], runtime, meshes)
-                    cases = suite.select(CASES, list(views), [size], FAMILIES)
+                    cases = suite.select(FEW if few else CASES, list(views), [size], FAMILIES)
                     part = suite.measure(
                         cases, views, runtime, truths=settings, seconds=seconds, families=FAMILIES, report=step
                     )

@@ -93,3 +93,6 @@ def test_views_of_the_report_and_of_validation_are_measured(monkeypatch: pytest.
     # Each family of peers that keeps its scene, with 1, 2, 4 and 8 paths.
     assert len([name for name in CASES if name.startswith("mitsuba-frame")]) == 4 * 4 + 1
     assert len(document.read(tmp_path / "a.json")["results"]) == 13
+    asked.clear()
+    assert CliRunner().invoke(main, ("--size", "8x6", "--few", "--scene", "rods-300")).exit_code == 0
+    assert [name for name, _ in asked] == [OWN, FIRST, ONE_FIRST, ONE, FOUR]

@@ -35,6 +35,7 @@ OWN, FIRST = "frame.default", "frame-first.default"
 ONE, ONE_FIRST, FOUR = "mitsuba-frame-oidn.1", "mitsuba-frame-oidn-first.1", "mitsuba-frame-oidn.4"
 CASES = (OWN, FIRST, ONE_FIRST, *(f"{family}.{samples}" for family in KEPT for samples in SETTINGS))
 FEW = (OWN, FIRST, ONE_FIRST, ONE, FOUR)
+"""Of these, what the columns of the table are made of."""
 _VIEWS = Path(__file__).resolve().parent.parent.parent / "docs" / "views"
 _HEAD = (
     *("view", "first, ms", "kept, ms", "FLIP", "mottling"),
@@ -45,17 +46,13 @@ _HEAD = (
 
 def told(results: Sequence[Result]) -> str:
     """Return the lines of a Markdown table: a row for each scene of the results, in their order."""
-    return "\n".join(_table(results))
-
-
-def _table(results: Sequence[Result]) -> list[str]:
     rows = []
     for scene in dict.fromkeys(result["scene"] for result in results):
         found = {short_name(result): result for result in results if result["scene"] == scene}
         own = found.get(OWN)
         if own is not None:
             rows.append((scene, *_cells(found), _ratio(own, found.get(ONE)), ", ".join(nearer(found)) or "none"))
-    return markdown(_HEAD, rows, "l" + 12 * "r" + "l")
+    return "\n".join(markdown(_HEAD, rows, "l" + 12 * "r" + "l"))
 
 
 def nearer(found: Mapping[str, Result]) -> list[str]:
@@ -115,7 +112,8 @@ def main(
         parts: list[suite.Measurements] = []
         with progress_bar() as step:
             for title, names in tables.items():
-                click.echo("\n".join([f"## {title}\n"] * bool(title) + _table([])))
+                heading = f"## {title}\n\n" if title else ""
+                click.echo(f"{heading}{told([])}")
                 for name in names:
                     views = views_of([name], runtime, meshes)
                     cases = suite.select(FEW if few else CASES, list(views), [size], FAMILIES)
@@ -134,7 +132,7 @@ def main(
 
 def _tell(part: suite.Measurements) -> None:
     """Print a view's row, and on standard error what is missing in it."""
-    for line in _table(part.results)[2:]:
+    for line in told(part.results).splitlines()[2:]:
         click.echo(line)
     for entry in part.skipped:
         click.echo(f"skipped {entry['name']}: {entry['reason']}", err=True)

@@ -90,7 +90,6 @@ static inline vfloat area_quad(__global const float *restrict corners, const Are
     AreaPoint a = {corners[9] - at.x, corners[10] - at.y, corners[11] - at.z};
     vfloat high = area_dot(a, n), sum = zero;
     AreaPoint out = {zero, zero, zero}, in = {zero, zero, zero}; // where it crosses the horizon
-    vmask cut = v_splat_int(0);
     for (int i = 0; i < 4; ++i) {
         const AreaPoint b = {corners[3 * i] - at.x, corners[3 * i + 1] - at.y,
                              corners[3 * i + 2] - at.z};
@@ -98,7 +97,6 @@ static inline vfloat area_quad(__global const float *restrict corners, const Are
         const vmask above = v_gt(high, zero), below = v_gt(next, zero);
         if (v_any(above | below)) {
             const vmask crossed = above ^ below;
-            cut = cut | crossed;
             const vfloat t = high / v_select(v_splat(1.0f), high - next, crossed);
             const AreaPoint c = {v_fma(b.x - a.x, t, a.x), v_fma(b.y - a.y, t, a.y),
                                  v_fma(b.z - a.z, t, a.z)};
@@ -116,7 +114,7 @@ static inline vfloat area_quad(__global const float *restrict corners, const Are
         a = b;
         high = next;
     }
-    return (v_any(cut) ? sum + area_edge(out, in, n) : sum) * -0.5f;
+    return (sum + area_edge(out, in, n)) * -0.5f;
 }
 
 __kernel void

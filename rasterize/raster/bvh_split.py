@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ssgi_cl.core.bvh import NODE, Floats, Halves, Ints
+from ssgi_cl.device.arrays import DeviceArray
 from ssgi_cl.device.runtime import Runtime
 
 WHOLE = 1024
@@ -21,19 +22,21 @@ def bvh_split(runtime: Runtime, boxes: Floats) -> Halves:
     lefts = runtime.array(np.zeros(2 * count, np.int32))
     order = runtime.empty(count, np.int32)
 
-    def halved(open_: Ints, once: bool) -> Ints:
-        halves = runtime.empty(8 * len(open_) if once else 1, np.int32)
+    def run(open_: Ints, halves: DeviceArray, once: bool) -> None:
         kernel.run(
             (1, len(open_)), grid=(1, len(open_)), local=runtime.small_groups(1), open=runtime.array(open_),
             boxes=both, halves=halves, nodes=nodes, lefts=lefts, order=order, stride=count, once=int(once),
         )  # fmt: skip
-        return halves.download().reshape(-1, 4) if once else open_
 
     ready: list[Ints] = []
     open_ = np.array([[0, count, 0, 0]], np.int32)
-    while len(open_):
+    while True:
         large = open_[:, 1] > WHOLE
         ready.append(open_[~large])
-        open_ = halved(open_[large], once=True) if large.any() else open_[:0]
-    halved(np.concatenate(ready), once=False)
+        if not large.any():
+            break
+        halves = runtime.empty(8 * int(np.count_nonzero(large)), np.int32)
+        run(open_[large], halves, once=True)
+        open_ = halves.download().reshape(-1, 4)
+    run(np.concatenate(ready), runtime.empty(1, np.int32), once=False)
     return Halves(nodes.download().reshape(-1, 2, NODE), lefts.download().reshape(-1, 2), order.download())

@@ -9,17 +9,19 @@
 //          plane or is turned. Neighbours' rays differ, so that errors cancel.
 // Reads:   depth, normal  of the samples' G-buffer, with margin; view space
 //          list     how many samples there are, and so many times row << 16 | column
+//          masks    of the samples, see multires/list.clh
 //          found    4 x [rows, columns] irradiance, W/m^2, and the mean of 1 / distance, in lengths
-//                   of the receivers (vpl/receiver.clh); only where a surface is
+//                   of the receivers (vpl/receiver.clh); at the samples alone
 //          fractions   [rows, columns] what the light counts for, see multires_interpolate
 // Writes:  values   3 x [rows, columns], W/m^2: the light is added, at the samples alone
 // Params:  see vpl/receiver.clh
 // Launch:  any number of work-items, each of which takes every so-many-th piece of SSGI_LANES
-// Cost:    8 reads and 60 operations for each of 25 neighbours
+// Cost:    9 reads and 70 operations for each of 25 neighbours
 
 #include "common/camera.clh"
 #include "common/gbuffer.clh"
 #include "multires/cut.clh"
+#include "multires/list.clh"
 
 #define GATHER_WIDE 2      // neighbours on each side
 #define GATHER_REACH 0.3f  // in harmonic mean distances
@@ -28,8 +30,9 @@
 #define GATHER_STEADY 1.0f // of squared lattice steps: slopes that few samples tell are small
 
 __kernel void gather_smooth(ssgi_plane depth, ssgi_plane normal, __global const int *restrict list,
-                            ssgi_plane found, ssgi_plane fractions, __global float *restrict values,
-                            const int2 size, const SsgiCamera camera, const VplParams params)
+                            __global const int *restrict masks, ssgi_plane found,
+                            ssgi_plane fractions, __global float *restrict values, const int2 size,
+                            const SsgiCamera camera, const VplParams params)
 {
     const int listed = list[0];
     const vfloat zero = v_splat(0.0f), one = v_splat(1.0f);
@@ -49,7 +52,8 @@ __kernel void gather_smooth(ssgi_plane depth, ssgi_plane normal, __global const 
                 const vint x = v_imin(v_imax(column + dx, v_splat_int(0)), v_splat_int(size.x - 1));
                 const VplReceiver to =
                     cut_receiver(depth, normal, y << 16 | x, size, camera, params);
-                const vmask inside = v_ieq(x, column + dx) & v_ieq(y, row + dy) & to.there;
+                const vmask inside = v_ieq(x, column + dx) & v_ieq(y, row + dy) & to.there &
+                                     multires_marked(masks, size, x, y);
                 const vfloat wx = to.x - at.x, wy = to.y - at.y, wz = to.z - at.z;
                 const vfloat squared = v_fma(wx, wx, v_fma(wy, wy, wz * wz));
                 const vfloat up = v_abs(v_fma(wx, at.nx, v_fma(wy, at.ny, wz * at.nz)));

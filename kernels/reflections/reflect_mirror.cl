@@ -17,10 +17,10 @@
 // Params:  view to world rotation, the eye relative to the scene's origin, margin, see the struct
 // Launch:  SSGI_LANES pixels of a row per work-item
 
+#include "common/sky.clh"
 #include "rays/bvh.clh"
 #include "reflections/image.clh"
 #include "reflections/pattern.clh"
-#include "reflections/sky.clh"
 #include "radiosity/volume.clh"
 
 #ifndef REFLECT_RAYS
@@ -166,7 +166,8 @@ reflect_mirror(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo, ssgi_pla
                 glows = hidden & v_gt(v_gather(surfaces, own + 3), zero);
             }
             if (params.levels > 0 && v_any(escapes)) {
-                reflect_sky(sky, places, wx, wy, wz, angle, params, open);
+                sky_radiance(sky, places, wx, wy, wz, angle, params.texels_per_angle, params.levels,
+                             open);
             }
             for (int c = 0; c < 3; ++c) {
                 // What a smooth surface mirrors is what the next leg meets.

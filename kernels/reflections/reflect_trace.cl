@@ -17,9 +17,9 @@
 // Params:  view to world rotation, margin, see the struct
 // Launch:  SSGI_LANES pixels of a row per work-item
 
+#include "common/sky.clh"
 #include "reflections/image.clh"
 #include "reflections/pattern.clh"
-#include "reflections/sky.clh"
 #include "reflections/trace.clh"
 #include "radiosity/volume.clh"
 #include "occupancy/grid.clh"
@@ -182,8 +182,8 @@ __kernel void reflect_trace(ssgi_plane linear, ssgi_plane normal, ssgi_plane alb
             if (params.levels > 0 && v_any(escapes)) {
                 const vfloat density =
                     ssgi_lobe_value(&lobe, mirrored, way.x, way.y, way.z) * (16.0f * REFLECT_RAYS);
-                reflect_sky(sky, places, wx, wy, wz, 1.0f / v_max(density, v_splat(1e-3f)), params,
-                            open);
+                sky_radiance(sky, places, wx, wy, wz, 1.0f / v_max(density, v_splat(1e-3f)),
+                             params.texels_per_angle, params.levels, open);
             }
         }
         for (int c = 0; c < 3; ++c) {

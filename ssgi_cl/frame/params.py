@@ -73,13 +73,13 @@ class WholeFrameParams(Params):
     vpls: int = param(4096, "virtual point lights for the first bounce of punctual lights", low=16, high=1 << 16)
     surfels: int = param(2048, "surface elements that carry all other light", low=16, high=1 << 14)
     rays: int = param(
-        64,
+        100,
         "over the hemisphere of each point at which light of surfels is gathered, the largest square up to it; in "
         "scenes without holes",
         low=4,
         high=4096,
     )
-    directions: int = param(128, "sampled directions of environments", low=16, high=4096)
+    directions: int = param(256, "sampled directions of environments", low=16, high=4096)
     map_size: int = param(128, "along the side of the depth map of each direction", low=16, high=1024, unit="texels")
     error: float = param(
         0.15,
@@ -101,7 +101,7 @@ class WholeFrameParams(Params):
     @classmethod
     def medium(cls, bounces: Bounces = "all") -> WholeFrameParams:
         """Return the preset between `low` and `high`."""
-        return cls(vpls=2048, surfels=1024, rays=36, bounces=bounces)
+        return cls(vpls=2048, surfels=1024, rays=49, directions=128, bounces=bounces)
 
     @classmethod
     def high(cls, bounces: Bounces = "all") -> WholeFrameParams:
@@ -111,7 +111,7 @@ class WholeFrameParams(Params):
     @classmethod
     def ultra(cls, bounces: Bounces = "all") -> WholeFrameParams:
         """Return the most exact preset."""
-        return cls(vpls=16384, surfels=8192, rays=1024, directions=256, map_size=256, error=0.02, bounces=bounces)
+        return cls(vpls=16384, surfels=8192, rays=1024, directions=512, map_size=256, error=0.02, bounces=bounces)
 
 
 PRESETS = {name: getattr(WholeFrameParams, name) for name in get_args(Preset)}

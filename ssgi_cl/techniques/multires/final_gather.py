@@ -27,7 +27,7 @@ REACH = 1.01
 """Length of rays, in diagonals of the scene's box."""
 PLACES = 16
 """Places along a pixel's side that differ in their rays."""
-SHARES = (1.0, 0.77, 0.4, 0.0625)
+SHARES = (1.0, 0.5, 0.25, 0.04)
 """Parts of the rays that points of the coarsest level have, of those of the next ones, the last of all finer, whose
 values frames blur."""
 LEAST = 4
@@ -69,7 +69,7 @@ class FinalGather:
         counts = [math.isqrt(max(int(share * rays), LEAST)) ** 2 for share in SHARES]
         self._ways = [(count, runtime.array(hemisphere_ways(count))) for count in counts]
         self._volume: LightVolume | None = None
-        self._found: Plane | None = None
+        self._found: dict[int, Plane] = {}
         self._cells = self._records = runtime.array(np.zeros(1, np.float32))
 
     def enter(self, scene: Scene, volume: LightVolume, camera: Camera) -> None:
@@ -94,18 +94,19 @@ class FinalGather:
     def shine(self, level: Level, rays: SceneRays, per_unit: float) -> None:
         """Queue the passes that add shares of the irradiance of a level's points to its values.
 
-        What is found at points of the coarsest level, most of which stand for many pixels, is smoothed by a line
-        fitted to neighbours (kernels/multires/gather_smooth.cl), unless all pixels are such points.
+        What is found at points of the coarsest levels, which stand for many pixels, is smoothed by a line fitted to
+        neighbours that are computed too (kernels/multires/gather_smooth.cl).
 
         Args:
             level: of the points.
             rays: through the scene, from view space in units of which scene units have `per_unit`.
             per_unit: see `rays`.
         """
-        kept = level.number == 0 and level.step > 1
-        if kept and (self._found is None or self._found.size != level.size):
-            self._found = self.runtime.plane(FOUND, level.size)
-        values = self._found if kept else level.values
+        kept = level.step > 1 and level.number < len(SHARES) - 1
+        found = self._found.get(level.number)
+        if kept and (found is None or found.size != level.size):
+            found = self._found[level.number] = self.runtime.plane(FOUND, level.size)
+        values = found if kept else level.values
         count, ways = self._ways[min(level.number, len(SHARES) - 1)]
         few = self.runtime.info.kind == "gpu" and level.most <= MOST_DEALT and count <= MOST_RAYS
         pieces = -(-level.most // self.runtime.variant.lanes)
@@ -135,9 +136,8 @@ class FinalGather:
                 most=most,
             )
         if kept:
-            self._run(
-                level, "multires/gather_smooth.cl", {}, (), per_unit, pieces, 1, found=self._found, values=level.values
-            )
+            more = {"masks": level.masks, "found": found, "values": level.values}
+            self._run(level, "multires/gather_smooth.cl", {}, (), per_unit, pieces, 1, **more)
 
     def _run(
         self,

@@ -75,7 +75,7 @@ class RadiosityParams(Params):
         "reflect, for pixels that emissive surfaces light in another way",
     )
     vpls: int = param(4096, "virtual point lights that are chosen from maps to light surfels", low=16, high=1 << 16)
-    directions: int = param(128, "in which a surfel looks for the sky", low=16, high=4096)
+    directions: int = param(128, "in which a surfel looks for the sky, in scenes with holes", low=16, high=4096)
     grid: int = param(128, "cells along a side of the occupancy grid: 32, 64, 128 or 256", low=32, high=256)
 
     def __post_init__(self) -> None:
@@ -204,7 +204,7 @@ class Radiosity(Prepared[RadiosityParams]):
             self._chooser.place(rsms, device.camera, kinds=1, unit=device.unit)
             records = self._maps.records()
         dark = device.dark(records, sky=any(map(shines, environments)))
-        if self._dark != dark:
+        if self._dark is None or device.matters(self._dark ^ dark, records):
             if history is None and self._dark is not None:  # light enters other spaces, and surfels are placed anew
                 self._history = SurfelHistory()
                 self._history.enter(scene)
@@ -242,12 +242,11 @@ class Radiosity(Prepared[RadiosityParams]):
             self.irradiance, self.vpls, self.bounces = np.zeros((0, 3)), None, 0
             flux = np.zeros((0, 3)) if records is None else self._of_maps(records)[1]
             return RadiosityLight(None, cache(lambda: cells().light(flux)), None)
-        ways, solid, radiance = sky_directions(environments, self.params.directions)
         if self._rays is not None:
-            received, direct = self._by_rays(self._rays, lights, ways, solid, radiance)
+            received, direct = self._by_rays(self._rays, environments, lights)
             also = None
         else:
-            received, direct = self._by_pairs(ways, solid, radiance, records), None
+            received, direct = self._by_pairs(environments, records), None
             also = None if records is None else self._of_maps(records)
         shown = sent(surfels, received, emission=True)
         everything = sent(surfels, received, emission=self.params.emission)
@@ -270,14 +269,12 @@ class Radiosity(Prepared[RadiosityParams]):
         return WorldVpls(self.runtime, lights, self._device.camera.position)
 
     def _by_rays(
-        self, rays: SurfelRays, lights: Sequence[PunctualLight], ways: Doubles, solid: Doubles, radiance: Doubles
+        self, rays: SurfelRays, environments: Sequence[Environment], lights: Sequence[PunctualLight]
     ) -> tuple[Doubles, Doubles]:
         """Return irradiance [parts, 3] after all bounces, and that of it by punctual lights."""
         surfels = self.surfels
-        brightest = max(float(radiance.max()), 1e-30)
-        sky = self._device.look_up(ways, solid, radiance / brightest).astype(np.float64) * brightest
         direct = rays.direct(lights)
-        source = np.repeat(sky, PARTS, axis=0) + rays.emitted + direct
+        source = rays.sky(environments) + rays.emitted + direct
         weight = surfels.part_area[:, None] * surfels.part_albedo
 
         def bounce(number: int, before: Doubles) -> Doubles:
@@ -290,9 +287,10 @@ class Radiosity(Prepared[RadiosityParams]):
         self._history.keep(surfels, self._key, received)
         return received, direct
 
-    def _by_pairs(self, ways: Doubles, solid: Doubles, radiance: Doubles, records: Floats | None) -> Doubles:
+    def _by_pairs(self, environments: Sequence[Environment], records: Floats | None) -> Doubles:
         """Return irradiance [parts, 3] after all bounces, that of punctual lights from their maps."""
         device, surfels = self._device, self._device.surfels
+        ways, solid, radiance = sky_directions(environments, self.params.directions)
         # Kernels count light in that of the brightest source, so that none leaves their range.
         scale = max(math.pi * float(max(radiance.max(), surfels.emission.max())), 1e-30)
         sky = device.look_up(ways, solid, radiance / scale)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.hemisphere import TILE, hemisphere_ways
-from ssgi_cl.core.lights import DirectionalLight, PunctualLight, SpotLight, light_extent
+from ssgi_cl.core.lights import DirectionalLight, Environment, PunctualLight, SpotLight, light_extent
 from ssgi_cl.core.sampling import r_points
 from ssgi_cl.core.scene import Scene, mean_emission
 from ssgi_cl.core.vpls import LUMINANCE
@@ -21,6 +21,7 @@ from ssgi_cl.rasterize.raster.scene_bvh import scene_bvh
 from ssgi_cl.techniques.occupancy.scene_rays import LIFT
 from ssgi_cl.techniques.radiosity.light_volume import LightVolume, Planes, SurfaceCells, device_volume
 from ssgi_cl.techniques.radiosity.surfels import Surfels
+from ssgi_cl.techniques.sky_levels import SkyLevels
 
 Doubles = NDArray[np.float64]
 
@@ -150,6 +151,8 @@ class SurfelRays:
         self._found = runtime.empty(3 * stride, np.float32)
         areas = cells.light(np.zeros((points.count, 3)))
         in_cells, self._volume = device_volume(runtime, areas)
+        self._ways = runtime.array(hemisphere_ways(RAYS))
+        self._sky = SkyLevels(runtime)
         self.emitted = self._trace(areas, in_cells)
 
     def direct(self, lights: Sequence[PunctualLight]) -> Doubles:
@@ -175,6 +178,25 @@ class SurfelRays:
             unit=self._unit,
         )
         return self._of_parts() * brightest
+
+    def sky(self, environments: Sequence[Environment]) -> Doubles:
+        """Return irradiance [parts, 3] in W/m^2 by environments, along the rays that escape. Waits for the device."""
+        self._sky.set(environments)
+        if not self._sky.count:
+            return np.zeros((self._points.count, 3))
+        self.runtime.kernel("radiosity/radiosity_escape.cl").run(
+            (1, self._stride),
+            points=self._points.array,
+            ways=self._ways,
+            places=self._places,
+            sky=self._sky.texels,
+            images=self._sky.places,
+            irradiance=self._found,
+            rays=RAYS,
+            texels_per_angle=self._sky.texels_per_angle,
+            levels=self._sky.count,
+        )
+        return self._of_parts()
 
     def bounce(self, light: LightVolume) -> Doubles:
         """Return irradiance [parts, 3] in W/m^2 by the light of surfaces. Waits for the device.
@@ -207,7 +229,7 @@ class SurfelRays:
         runtime.kernel("radiosity/radiosity_rays.cl", {"RADIOSITY_EMITS": int(emits), **self._bvh.first_macros}).run(
             (1, self._stride),
             points=self._points.array,
-            ways=runtime.array(hemisphere_ways(RAYS)),
+            ways=self._ways,
             **self._bvh.first,
             cells=in_cells,
             volume=self._volume,

@@ -29,7 +29,7 @@ from ssgi_cl.techniques.direct.shadow_maps import checked_lights, uploaded_maps
 from ssgi_cl.techniques.occupancy.occupancy_grid import Occupancy, OccupancyGrid
 from ssgi_cl.techniques.radiosity.light_volume import LightVolume, device_volume
 from ssgi_cl.techniques.radiosity.radiosity import Radiosity, RadiosityParams
-from ssgi_cl.techniques.reflections.sky_levels import SkyLevels
+from ssgi_cl.techniques.sky_levels import SkyLevels
 from ssgi_cl.techniques.technique import Bench, Technique
 from ssgi_cl.techniques.vpl.vpl_choice import on_device_rsms
 from ssgi_cl.techniques.vpl.vpl_light import camera_of

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ssgi_cl.core.hemisphere import TILE, hemisphere_ways
-from ssgi_cl.core.lights import DirectionalLight, PointLight, PunctualLight, SpotLight
+from ssgi_cl.core.lights import DirectionalLight, Environment, PointLight, PunctualLight, SpotLight
 from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.area_lights.area_lights import polygon_irradiance
@@ -131,6 +131,49 @@ def test_emission_is_that_of_polygons(variant_runtime: Runtime) -> None:
     np.testing.assert_allclose(found.mean(axis=0), expected.mean(axis=0), rtol=0.01)
     below = (np.abs(place[floor][:, [0, 2]]) < 0.4).all(axis=1)
     assert np.std(found[below, 0] / expected[below, 0]) < 0.3
+
+
+def linear_sky(rows: int = 128) -> Environment:
+    """Radiance 1 + .5 x + .3 y of direction (x, y, z), red; a half and a quarter of it."""
+    polar = (np.arange(rows) + 0.5)[:, None] * (math.pi / rows)
+    around = ((np.arange(2 * rows) + 0.5) / (2 * rows) - 0.5) * (2.0 * math.pi)
+    radiance = 1.0 + 0.5 * np.sin(polar) * np.sin(around) + 0.3 * np.cos(polar)
+    return Environment((radiance[..., None] * (1.0, 0.5, 0.25)).astype(np.float32))
+
+
+def test_sky_is_that_of_closed_forms(variant_runtime: Runtime) -> None:
+    # One slanted quad: each side sees half of the sphere. The integral of (d v) (d n) over it is 2 pi / 3 v n.
+    scene = quads(((-1.0, 0.0, -1.0), (1.2, 1.6, 0.0), (0.0, 0.0, 2.0)))
+    surfels, rays = rays_of(variant_runtime, scene, 1024)
+    found = rays.sky([linear_sky()])
+    for side in (1.0, -1.0):
+        own = surfels.part_normal[:, 1] * side > 0.0
+        normal = surfels.part_normal[own][0]
+        expected = math.pi + 2.0 * math.pi / 3.0 * (0.5 * normal[0] + 0.3 * normal[1])
+        # What is read is a mean over .2 sr, half a texel on each side: flatter by 1 - sin(.22) / .22, .8 %, each way.
+        np.testing.assert_allclose(found[own].mean(axis=0), expected * np.array((1.0, 0.5, 0.25)), rtol=8e-3)
+        np.testing.assert_allclose(found[own, 0], expected, rtol=0.08)  # of 16 rays, jittered in their strata
+
+
+def test_sky_is_what_nothing_hides(variant_runtime: Runtime) -> None:
+    scene = quads(FLOOR, PLATE)
+    surfels, rays = rays_of(variant_runtime, scene, 2048)
+    floor, place = floor_parts(surfels)
+    corner, one, other = np.array(PLATE)
+    corners = np.array([corner, corner + one, corner + one + other, corner + other])
+    up = np.array((0.0, 1.0, 0.0))
+    hidden = np.array([abs(polygon_irradiance(corners, at, up)) for at in place[floor]])
+    found = rays.sky([Environment((2.0, 2.0, 1.0)), Environment((0.0, 0.0, 1.0))])[floor]
+    np.testing.assert_allclose(found, np.repeat(found[:, :1], 3, axis=1), rtol=1e-6)
+    assert found[:, 0].mean() == pytest.approx(2.0 * (math.pi - hidden.mean()), rel=2e-3)
+    # An edge through the disk crosses about 8 of 16 strata, of which each errs by at most half a ray.
+    assert np.std(found[:, 0] / 2.0 + hidden) < math.pi * 0.5 * math.sqrt(8.0) / 16.0
+
+
+def test_without_sky_none_arrives(runtime: Runtime) -> None:
+    _, rays = rays_of(runtime, quads(FLOOR, PLATE), 64)
+    assert not rays.sky([]).any()
+    assert not rays.sky([Environment((0.0, 0.0, 0.0))]).any()
 
 
 def test_emission_of_surfaces_that_nearly_touch_is_whole(runtime: Runtime) -> None:

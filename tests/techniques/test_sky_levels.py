@@ -10,7 +10,7 @@ import pytest
 
 from ssgi_cl.core.lights import Environment
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.techniques.reflections.sky_levels import MOST_ROWS, SkyLevels, levels
+from ssgi_cl.techniques.sky_levels import MOST_ROWS, SkyLevels, levels
 
 
 def mean(image: np.ndarray) -> np.ndarray:

@@ -20,7 +20,7 @@ MOST_ROWS = 256
 
 
 class SkyLevels:
-    """The sum of environments in device memory, as kernels/reflections/sky.clh reads it.
+    """The sum of environments in device memory, as kernels/common/sky.clh reads it.
 
     Attributes:
         count: of images; 0 where no environment shines.

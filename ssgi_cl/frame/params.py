@@ -101,7 +101,7 @@ class WholeFrameParams(Params):
     @classmethod
     def medium(cls, bounces: Bounces = "all") -> WholeFrameParams:
         """Return the preset between `low` and `high`."""
-        return cls(vpls=2048, surfels=1024, rays=49, directions=128, bounces=bounces)
+        return cls(vpls=2048, surfels=1024, rays=50, directions=128, bounces=bounces)
 
     @classmethod
     def high(cls, bounces: Bounces = "all") -> WholeFrameParams:

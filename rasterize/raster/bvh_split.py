@@ -6,10 +6,11 @@ import numpy as np
 
 from ssgi_cl.core.bvh import NODE, Floats, Halves, Ints
 from ssgi_cl.device.arrays import DeviceArray
+from ssgi_cl.device.constants import SSGI_GROUP
 from ssgi_cl.device.runtime import Runtime
 
 WHOLE = 1024
-"""Boxes that a work-item splits down to leaves. Nodes of more are split level by level, a work-item each."""
+"""Boxes that a work-group splits down to leaves. Nodes of more are split level by level, a work-group each."""
 
 
 def bvh_split(runtime: Runtime, boxes: Floats) -> Halves:
@@ -22,9 +23,11 @@ def bvh_split(runtime: Runtime, boxes: Floats) -> Halves:
     lefts = runtime.array(np.zeros(2 * count, np.int32))
     order = runtime.empty(count, np.int32)
 
+    group = SSGI_GROUP if kernel.lanes == 1 else 1
+
     def run(open_: Ints, halves: DeviceArray, once: bool) -> None:
         kernel.run(
-            (1, len(open_)), grid=(1, len(open_)), local=runtime.small_groups(1), open=runtime.array(open_),
+            (1, len(open_)), grid=(1, group * len(open_)), local=(1, group), open=runtime.array(open_),
             boxes=both, halves=halves, nodes=nodes, lefts=lefts, order=order, stride=count, once=int(once),
         )  # fmt: skip
 

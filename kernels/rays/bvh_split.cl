@@ -62,8 +62,6 @@ typedef struct {
     float begin, wide;
 } BvhAxis;
 
-static inline float4 bvh_middle(const float8 box) { return 0.5f * (box.hi - box.lo); }
-
 // The bin of one of the boxes. A coordinate of a vector of its own would be chosen each time.
 static inline int bvh_bin(__global const float8 *restrict boxes, const int i, const BvhAxis by)
 {
@@ -171,9 +169,10 @@ __kernel void bvh_split(__global const int4 *restrict open, __global float8 *res
         __global float8 *to = boxes + (1 - odd) * stride + node.x;
         float8 box = (float8)(-INFINITY), middles = (float8)(-INFINITY);
         for (int i = item; i < node.y; i += BVH_GROUP) {
-            const float4 middle = bvh_middle(from[i]);
+            const float4 middle = 0.5f * (from[i].hi - from[i].lo);
             box = max(box, from[i]);
-            middles = max(middles, (float8)(-middle, middle));
+            middles.lo = max(middles.lo, -middle);
+            middles.hi = max(middles.hi, middle);
         }
         if (item < node.y) {
             bvh_widen(&shared.bounds[turn][0], box);

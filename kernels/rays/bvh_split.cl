@@ -181,7 +181,6 @@ __kernel void bvh_split(__global const int4 *restrict open, __global float8 *res
         for (int bin = 0; sorted && bin < BVH_BINS; ++bin) {
             shared.held[bin][item] = 0;
             if (bin % BVH_GROUP == item) {
-                shared.held[bin][BVH_GROUP] = 0;
                 shared.bins[bin] = empty;
             }
         }
@@ -198,11 +197,12 @@ __kernel void bvh_split(__global const int4 *restrict open, __global float8 *res
         for (int bin = item; sorted && bin < BVH_BINS; bin += BVH_GROUP) {
             int sum = 0;
 #pragma unroll 4
-            for (int i = 0; i <= BVH_GROUP; ++i) {
+            for (int i = 0; i < min(node.y, BVH_GROUP); ++i) {
                 const int own = shared.held[bin][i];
                 shared.held[bin][i] = sum;
                 sum += own;
             }
+            shared.held[bin][BVH_GROUP] = sum;
         }
         BVH_WAIT();
         for (int side = item; sorted && side < 2; side += BVH_GROUP) {

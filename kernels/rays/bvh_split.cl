@@ -15,15 +15,15 @@
 //
 // Reads:   open    [groups][4] nodes to split: their first box, how many they have, their depth,
 //                  in how many of the splits above they were the left half
-// Writes:  boxes   [2][stride] those to be split in the array of their depth, odd or even; the
-//                  fourth number is the triangle's (int bits)
+// Writes:  even, odd  [boxes] those to be split in the array of their depth; the fourth number is
+//                  the triangle's (int bits)
 //          halves  [groups][2][4] what they were split into, if `once`; unless they are leaves
-//          nodes   [stride][2][8] inner nodes by the box that their second half begins with, leaves
+//          nodes   [boxes][2][8] inner nodes by the box that their second half begins with, leaves
 //                  by their first: minus the least corner, their first box (int bits), the greatest
 //                  corner, how many they have (int bits)
-//          lefts   [stride][2] one more than in how many splits above they were the left half
-//          order   [stride] numbers of triangles, those of each node one after the other
-// Params:  how many boxes there are: stride; whether nodes are split only once
+//          lefts   [boxes][2] one more than in how many splits above they were the left half
+//          order   [boxes] numbers of triangles, those of each node one after the other
+// Params:  whether nodes are split only once
 // Launch:  a work-group for each node: of SSGI_GROUP work-items with one lane, else of one
 
 #include "common/lanes.clh"
@@ -145,10 +145,10 @@ static inline void bvh_node(__global float8 *restrict nodes, __global int *restr
     lefts[place] = node.w + 1;
 }
 
-__kernel void bvh_split(__global const int4 *restrict open, __global float8 *restrict boxes,
-                        __global int4 *restrict halves, __global float8 *restrict nodes,
-                        __global int *restrict lefts, __global int *restrict order,
-                        const int stride, const int once)
+__kernel void bvh_split(__global const int4 *restrict open, __global float8 *restrict even,
+                        __global float8 *restrict odd, __global int4 *restrict halves,
+                        __global float8 *restrict nodes, __global int *restrict lefts,
+                        __global int *restrict order, const int once)
 {
     __local BvhShared shared;
     const int item = (int)get_local_id(0), group = (int)get_group_id(0);
@@ -164,9 +164,9 @@ __kernel void bvh_split(__global const int4 *restrict open, __global float8 *res
         const int4 node = shared.waiting[--left];
         // Below the deepest level nothing is sorted.
         const bool leaf = node.y <= BVH_LEAF, sorted = !leaf && node.z < BVH_DEEPEST;
-        const int odd = min(node.z, BVH_DEEPEST) & 1;
-        __global const float8 *from = boxes + odd * stride + node.x;
-        __global float8 *to = boxes + (1 - odd) * stride + node.x;
+        const bool is_odd = min(node.z, BVH_DEEPEST) & 1;
+        __global const float8 *from = (is_odd ? odd : even) + node.x;
+        __global float8 *to = (is_odd ? even : odd) + node.x;
         float8 box = (float8)(-INFINITY), middles = (float8)(-INFINITY);
         for (int i = item; i < node.y; i += BVH_GROUP) {
             const float4 middle = 0.5f * (from[i].hi - from[i].lo);

@@ -27,9 +27,6 @@ KNOWN = {
     ("Read-write data race", "vpl_interleaved"),
 }
 
-REREADS = ("bvh_split",)
-"""Kernels that read what the same launch wrote, which oclgrind takes for uninitialised."""
-
 
 def findings(log: str) -> set[tuple[str, str]]:
     """Return (what, kernel) of each complaint."""
@@ -53,5 +50,4 @@ def test_no_kernel_races_or_strays(variant: KernelVariant, tmp_path: Path) -> No
     done = subprocess.run([oclgrind, *options, *script], env=variables, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     text = log.read_text() if log.exists() else ""
-    found = {(what, kernel) for what, kernel in findings(text) if kernel not in REREADS or "ninitialized" not in what}
-    assert found <= KNOWN, str(found)[:4000]
+    assert findings(text) <= KNOWN, text[:4000]

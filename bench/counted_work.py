@@ -99,7 +99,7 @@ GPUS = {
 }
 """Name -> ceilings as their makers state them."""
 PIXELS = 3840 * 2160
-ITEMS = {"radiosity_start": 1 << 15, "radiosity_sky": 1 << 15, "occupancy_voxelize": 1 << 16}
+ITEMS = {"radiosity_start": 1 << 15, "radiosity_sky": 1 << 15, "occupancy_voxelize": 1 << 16, "bvh_split": 1 << 17}
 """Work-items of kernels whose number does not grow with the image, for predictions; those of others are `PIXELS`."""
 
 

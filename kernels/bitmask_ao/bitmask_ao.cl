@@ -38,8 +38,8 @@
 
 // Cover the sectors of a slice that surfaces of all layers hide, layer by layer on each side, from
 // near to far; layers behind the first are read at every so-many-th tap.
-SSGI_INLINE void bitmask_slice(ssgi_plane inv_depth, const SsgiReceiver *receiver,
-                               const SsgiSlice *slice, const float centre, const SliceParams params,
+SSGI_INLINE void bitmask_slice(ssgi_plane inv_depth, SsgiReceiver *receiver, const SsgiSlice *slice,
+                               const float centre, const SliceParams params,
                                BitmaskSurfaces *surfaces)
 {
     SsgiTaps taps;
@@ -49,36 +49,35 @@ SSGI_INLINE void bitmask_slice(ssgi_plane inv_depth, const SsgiReceiver *receive
     surfaces->measure = bitmask_measure(slice);
     surfaces->covered = surfaces->held = surfaces->held_from = v_splat_int(0);
     surfaces->held_f = surfaces->held_x = surfaces->held_y = v_splat(0.0f);
-    SsgiReceiver sided = *receiver;
 #pragma unroll 1
     for (int side = 0; side < 2; ++side) {
 #pragma unroll 1
         for (int layer = 0; layer < SLICES_LAYERS; ++layer) {
             if (BITMASK_JOINED) {
-                bitmask_begin(&sided, slice, side, layer, surfaces);
+                bitmask_begin(receiver, slice, side, layer, surfaces);
             }
 #pragma unroll 1
             for (BitmaskStep at = bitmask_start(&path, layer);
                  bitmask_next(slice, &path, layer, &at);) {
-                const SsgiTap tap = ssgi_tap(inv_depth, &sided, slice, &taps, side, at.t, layer);
+                const SsgiTap tap = ssgi_tap(inv_depth, receiver, slice, &taps, side, at.t, layer);
                 if (BITMASK_JOINED) {
-                    bitmask_join(inv_depth, &sided, slice, &tap, at.per_px, side, layer, params,
+                    bitmask_join(inv_depth, receiver, slice, &tap, at.per_px, side, layer, params,
                                  surfaces);
                 } else {
-                    bitmask_tap(inv_depth, &sided, slice, &tap, side, layer, surfaces);
+                    bitmask_tap(inv_depth, receiver, slice, &tap, side, layer, surfaces);
                 }
             }
             if (BITMASK_JOINED) {
-                bitmask_end(inv_depth, &sided, slice, side, layer, params, surfaces);
+                bitmask_end(inv_depth, receiver, slice, side, layer, params, surfaces);
             }
         }
-        bitmask_release(&sided, slice, side, surfaces);
-        ssgi_mirror(&sided);
+        bitmask_release(receiver, slice, side, surfaces);
+        ssgi_mirror(receiver);
     }
 }
 
 // The fraction that slices of this radius (a length) find occluded.
-SSGI_INLINE vfloat bitmask_scan(ssgi_plane inv_depth, const SsgiReceiver *receiver,
+SSGI_INLINE vfloat bitmask_scan(ssgi_plane inv_depth, SsgiReceiver *receiver,
                                 const SsgiPattern *pattern, const float radius,
                                 const SliceParams params)
 {
@@ -113,7 +112,7 @@ __kernel void bitmask_ao(ssgi_plane inv_depth, ssgi_plane normal,
     if (!item.inside) {
         return;
     }
-    const SsgiReceiver receiver =
+    SsgiReceiver receiver =
         ssgi_receiver(inv_depth, normal, size, item.first, item.phase, item.row, camera, params);
     const SsgiPattern pattern = ssgi_pattern(table, &item, camera, params);
     vfloat occluded = v_splat(0.0f);

@@ -29,6 +29,7 @@
 
 #define REFLECT_LIFT 0.0625f // widths of a pixel off the surface at which rays start
 #define REFLECT_MIRRORINGS 6 // of a ray at most; the last surface counts as matt
+#define REFLECT_BEYOND 1e6f  // rows and columns
 #define REFLECT_OFF 1.0f // widths of a pixel between what it shows and the same surface, at most
 
 __kernel void
@@ -110,14 +111,16 @@ reflect_mirror(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo, ssgi_pla
             const vfloat far = v_select(v_splat(1.0f), -hz, ahead);
             const vfloat at_k = ssgi_k(camera, far);
             const vfloat column = ssgi_column(camera, hx / at_k), row = ssgi_row(camera, hy / at_k);
-            const vint cx = v_to_int(v_floor(v_clamp(column, -1.0f, (float)whole.x)));
-            const vint cy = v_to_int(v_floor(v_clamp(row, -1.0f, (float)whole.y)));
-            const vint ix = v_iclamp(cx - params.margin_columns, 0, size.x - 1);
-            const vint iy = v_iclamp(cy - params.margin_rows, 0, size.y - 1);
+            const vint cx =
+                v_to_int(v_floor(v_clamp(column, -1.0f, REFLECT_BEYOND))) - params.margin_columns;
+            const vint cy =
+                v_to_int(v_floor(v_clamp(row, -1.0f, REFLECT_BEYOND))) - params.margin_rows;
+            const vint ix = v_iclamp(cx, 0, size.x - 1);
+            const vint iy = v_iclamp(cy, 0, size.y - 1);
             const vint gx = ix + params.margin_columns, gy = iy + params.margin_rows;
             const ReflectPixel pixel = {gx, gy, ix, iy};
             const vfloat seen_u = ssgi_gather(linear, whole, 0, gx, gy);
-            vmask shown = ahead & v_ieq(gx, cx) & v_ieq(gy, cy) & v_lt(seen_u, v_splat(INFINITY));
+            vmask shown = ahead & v_ieq(ix, cx) & v_ieq(iy, cy) & v_lt(seen_u, v_splat(INFINITY));
             const vfloat seen =
                 perspective ? 1.0f / v_select(v_splat(1.0f), seen_u, shown) : seen_u;
             const vfloat seen_k = ssgi_k(camera, seen);
@@ -171,18 +174,20 @@ reflect_mirror(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo, ssgi_pla
             }
             for (int c = 0; c < 3; ++c) {
                 // What a smooth surface mirrors is what the next leg meets.
-                const vfloat image = reflect_image(pixel, c, smooth, albedo, specular, gloss, whole,
-                                                   light, radiance, size);
                 vfloat arriving = v_select(open[c], sent[c], hidden);
                 arriving = v_select(arriving, v_gather(surfaces, own + c), glows);
-                arriving = v_select(arriving, image, shown);
+                if (v_any(shown)) {
+                    const vfloat image = reflect_image(pixel, c, smooth, albedo, specular, gloss,
+                                                       whole, light, radiance, size);
+                    arriving = v_select(arriving, image, shown);
+                }
                 sum[c] = sum[c] + v_select(zero, arriving * left[c], above);
                 left[c] = left[c] * v_gather(surfaces, own + 4 + c);
             }
             // On from what mirrors.
             above = smooth;
             along = along + length;
-            const vfloat off_it = along * (width * REFLECT_LIFT);
+            const vfloat off_it = along * width * REFLECT_LIFT;
             fx = v_fma(ux, off_it, hx);
             fy = v_fma(uy, off_it, hy);
             fz = v_fma(uz, off_it, hz);

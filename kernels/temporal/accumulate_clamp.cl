@@ -74,6 +74,7 @@ __kernel void accumulate_clamp(ssgi_plane blended, ssgi_plane frames, ssgi_plane
         const int first = max(-ACCUMULATE_REACH, -y);
         const int last = min(ACCUMULATE_REACH, size.y - 1 - y);
         for (int dy = first; dy <= last; ++dy) {
+#pragma unroll 1
             for (int dx = -ACCUMULATE_REACH; dx <= ACCUMULATE_REACH; ++dx) {
                 // Where nothing is, the distance is no number or infinite, and fits nothing.
                 const vfloat off =

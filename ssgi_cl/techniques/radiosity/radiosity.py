@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import NamedTuple, TypedDict, Unpack
 
@@ -23,6 +23,7 @@ from ssgi_cl.techniques.direct.shadow_maps import checked_lights
 from ssgi_cl.techniques.occupancy.occupancy_grid import GRIDS
 from ssgi_cl.techniques.occupancy.scene_rays import rays_carry_first_bounce, rays_meet_triangles
 from ssgi_cl.techniques.radiosity.even_light import EvenLight, even_and_bright
+from ssgi_cl.techniques.radiosity.gaps import openings
 from ssgi_cl.techniques.radiosity.light_volume import CELLS, LightVolume, Pieces, SurfaceCells
 from ssgi_cl.techniques.radiosity.sky_directions import sky_directions
 from ssgi_cl.techniques.radiosity.surfel_history import STEADY_LIGHTS, SurfelHistory
@@ -220,13 +221,24 @@ class Radiosity(Prepared[RadiosityParams]):
         device, exact = self._device, rays_meet_triangles(scene)
         device.fill(scene, self.params.surfels * (BY_RAYS if exact else 1), dark, self._history)
         low, extent = device.camera.position - device.half, 2.0 * device.half
+        self._openings = None
+        if exact and len(device.surfels):
+            self._openings = openings(self.runtime, scene, device.surfels, device.narrow, device.room, lambda at: device.is_lit(at, dark))
+            if self._openings is not None:
+                within = self._openings.within[:, None]
+                # What is in gaps sends its light at their openings.
+                albedo = np.where(within, 0.0, device.surfels.part_albedo)
+                device.surfels = replace(device.surfels, part_albedo=albedo)
         surfels = device.surfels
         pieces = _parts(surfels) if len(surfels) or records is None else self._of_maps(records)[0]
         self._first_by_rays = rays_carry_first_bounce(scene)
         self._rays = points = shown = planes = None
         if exact and len(surfels):
-            points = SurfelPoints(self.runtime, scene, surfels)
+            lights = None if self._openings is None else self._openings.lights
+            points = SurfelPoints(self.runtime, scene, surfels, lights)
             shown, planes = open_shares(points, OPEN_CELLS * extent / CELLS), hiding_planes(points)
+            if self._openings is not None:
+                shown[self._openings.within] = 0.0
         unlit = _parts(device.unlit)
         self._cells = cache(lambda: SurfaceCells(pieces, low, extent, unlit, shown, planes))
         self._hidden = np.zeros(len(surfels.part_area), np.bool_)
@@ -263,6 +275,8 @@ class Radiosity(Prepared[RadiosityParams]):
             return RadiosityLight(made, volume, None)
         steady = self._history.moves and len(surfels) <= STEADY_LIGHTS * self.params.surfels
         even, bright = even_and_bright(gathered, self._hidden, all_lights=steady)
+        if self._openings is not None and len(self._openings.lights):
+            bright = _both(bright, self._openings.lights)
         few = self._on_device(bright) if len(bright) else None
         return RadiosityLight(made, volume, EvenLight(cells().light(even), few))
 
@@ -365,6 +379,17 @@ def _without(vpls: Vpls, hidden: NDArray[np.bool_]) -> Vpls:
     flux = np.where(hidden[:, None], 0.0, parts.flux)
     left = Vpls(parts.position, parts.normal, flux, parts.area)
     return Vpls(vpls.position, vpls.normal, flux.reshape(-1, PARTS, 3).sum(axis=1), vpls.area, left)
+
+
+def _both(some: Vpls, more: Vpls) -> Vpls:
+    names = "position", "normal", "flux", "area"
+
+    def one(a: Vpls, b: Vpls, parts: Vpls | None) -> Vpls:
+        return Vpls(*(np.concatenate([getattr(a, name), getattr(b, name)]) for name in names), parts)
+
+    assert some.parts is not None  # noqa: S101  both have some
+    assert more.parts is not None  # noqa: S101
+    return one(some, more, one(some.parts, more.parts, None))
 
 
 def _flux(vpls: Vpls) -> Doubles:

@@ -13,7 +13,7 @@ from ssgi_cl.core.hemisphere import TILE, hemisphere_ways
 from ssgi_cl.core.lights import DirectionalLight, PunctualLight, SpotLight, light_extent
 from ssgi_cl.core.sampling import r_points
 from ssgi_cl.core.scene import Scene, mean_emission
-from ssgi_cl.core.vpls import LUMINANCE
+from ssgi_cl.core.vpls import LUMINANCE, Vpls
 from ssgi_cl.device.arrays import DeviceArray
 from ssgi_cl.device.constants import DIRECT_LIGHT
 from ssgi_cl.device.runtime import Runtime
@@ -55,13 +55,18 @@ class SurfelPoints:
         array: the points, of which there are a multiple of `ROW`.
     """
 
-    def __init__(self, runtime: Runtime, scene: Scene, surfels: Surfels) -> None:
+    def __init__(self, runtime: Runtime, scene: Scene, surfels: Surfels, lights: Vpls | None = None) -> None:
         self.runtime, self.scene, self.surfels = runtime, scene, surfels
         self.count = count = len(surfels.part_area)
-        self.numbers = number = np.arange(-(-count // ROW) * ROW)
+        self.lights = lights.parts if lights is not None and len(lights) else None
+        total = count + (0 if self.lights is None else len(self.lights))
+        self.numbers = number = np.arange(-(-total // ROW) * ROW)
         number[:count] = surfels.part_number
         points = np.zeros((9, len(number)), np.float32)
         points[5] = 1.0
+        if self.lights is not None:
+            points[:3, count:total] = (self.lights.position - scene.origin).T
+            points[3:6, count:total] = self.lights.normal.T
         points[:3, :count] = (surfels.part_position + (surfels.origin - scene.origin)).T
         points[3:6, :count] = surfels.part_normal.T
         place = self.places(2)
@@ -226,7 +231,7 @@ class SurfelRays:
             runtime.kernel("radiosity/radiosity_emission.cl").run(
                 (1, self._stride),
                 points=self._points.array,
-                chosen=runtime.array(self._drawn()),
+                chosen=runtime.array(self._drawn(surfels.part_area * (surfels.part_emission @ LUMINANCE))),
                 emission=runtime.array(_emission(surfels.part_emission, brightest, power)),
                 nodes=self._bvh.nodes,
                 triangles=self._bvh.triangles,
@@ -235,17 +240,39 @@ class SurfelRays:
                 rays=float(RAYS),
                 lift=LIFT * self._unit,
             )
+        if self._points.lights is not None:
+            self._add_lights(self._points.lights, brightest)
         return self._of_parts() * brightest
 
-    def _drawn(self) -> NDArray[np.int32]:
-        """Return [PLACES, parts and padding] numbers of parts that emit, in proportion to their power."""
-        surfels = self._points.surfels
-        power = surfels.part_area * (surfels.part_emission @ LUMINANCE)
+    def _add_lights(self, lights: Vpls, brightest: float) -> None:
+        """Add the irradiance by lights, counted in a radiance."""
+        power, points = lights.flux @ LUMINANCE, self._points
+        # Their density is raised, and their radiance with it, so that rays that know nothing of them count little:
+        # irradiance by one is that by a disc of its area.
+        density = 4.0 / lights.area
+        radiance = lights.flux / np.maximum(power, 1e-300)[:, None] * (power.sum() * 4.0 / math.pi / lights.area)[:, None]
+        table = np.zeros((points.count + len(lights), 4), np.float32)
+        table[points.count :, :3], table[points.count :, 3] = radiance / brightest, density
+        self.runtime.kernel("radiosity/radiosity_emission.cl").run(
+            (1, self._stride),
+            points=points.array,
+            chosen=self.runtime.array(self._drawn(power, points.count)),
+            emission=self.runtime.array(table),
+            nodes=self._bvh.nodes,
+            triangles=self._bvh.triangles,
+            irradiance=self._found,
+            count=PLACES,
+            rays=float(RAYS),
+            lift=LIFT * self._unit,
+        )
+
+    def _drawn(self, power: Doubles, first: int = 0) -> NDArray[np.int32]:
+        """Return [PLACES, parts and padding] numbers, from `first` on, in proportion to power [n]."""
         emitting = np.flatnonzero(power)
         ends = np.cumsum(power[emitting])
         wanted = np.mod(self._points.places(1)[:, 0] + np.arange(PLACES)[:, None] / PLACES, 1.0)
         number = np.searchsorted(ends, wanted * ends[-1], "right")
-        drawn: NDArray[np.int32] = emitting.astype(np.int32)[np.minimum(number, len(emitting) - 1)]
+        drawn: NDArray[np.int32] = (first + emitting).astype(np.int32)[np.minimum(number, len(emitting) - 1)]
         return drawn
 
     def _light(self, light: PunctualLight) -> list[float]:

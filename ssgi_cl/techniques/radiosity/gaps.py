@@ -1,0 +1,219 @@
+"""Gaps: what leaves spaces too narrow for surfels that emissive surfaces shine into, as lights at their openings."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.core.hemisphere import TILE, hemisphere_ways
+from ssgi_cl.core.scene import Scene, mean_emission
+from ssgi_cl.core.vpls import LUMINANCE, PARTS, Vpls
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.rasterize.raster.scene_bvh import scene_bvh
+from ssgi_cl.techniques.occupancy.scene_rays import LIFT
+from ssgi_cl.techniques.radiosity.surfel_rays import RAYS, REACH, SurfelPoints
+from ssgi_cl.techniques.radiosity.surfels import Surfels, curve_numbers
+
+Doubles = NDArray[np.float64]
+
+EMITTERS = 64
+"""Most surfels that stand for the emissive sides in gaps."""
+AROUND = 2.0
+"""Widths of a gap within which surfels count as near."""
+LIGHTS = 32
+"""Most lights at openings."""
+STEP = 0.25
+"""Of the greatest width of a gap: how finely the place is found where a ray leaves."""
+STEPS = 24
+APART = 4.0
+SLICE = 20.0
+AIR = 8.0
+AIR_STEPS = 16
+BOUNCES = 64
+
+
+@dataclass(frozen=True, eq=False)
+class Openings:
+    """Light that leaves gaps.
+
+    Attributes:
+        lights: at their openings, what surfaces in them reflect.
+        within: [parts] whether a part of the surfels that were given lies in one that is lit.
+    """
+
+    lights: Vpls
+    within: NDArray[np.bool_]
+
+
+def openings(runtime: Runtime, scene: Scene, surfels: Surfels, narrow: Surfels, width: float, air: Callable[[Doubles], NDArray[np.bool_]]) -> Openings | None:
+    """Return what leaves gaps; None if no emissive surface is in one. Waits for the device.
+
+    Args:
+        runtime: the device.
+        scene: without holes.
+        surfels: that have air before them.
+        narrow: those that have none.
+        width: of the widest gap, scene units: what has a surface as near before it lies in one.
+    """
+    from scipy.spatial import cKDTree  # takes a tenth of a second, which other commands do without
+
+    emits = np.flatnonzero(narrow.emission.any(axis=1))
+    if not len(emits):
+        return None
+    every = -(-len(emits) // EMITTERS)
+    sources = narrow.chosen(emits[every // 2 :: every])
+    tree = cKDTree(sources.part_position)
+    dark = narrow.chosen(np.flatnonzero(~narrow.emission.any(axis=1)))
+
+    def near(some: Surfels) -> NDArray[np.intp]:
+        far = AROUND * width + np.sqrt(some.area.max(initial=0.0))
+        return np.flatnonzero(np.isfinite(tree.query(some.position, distance_upper_bound=far)[0]))
+
+    own = near(surfels)
+    local = joined(sources, dark.chosen(near(dark)), surfels.chosen(own))
+    count = len(local.part_area)
+    area = local.part_area.copy()
+    area[: PARTS * len(sources)] *= narrow.area[emits].sum() / sources.area.sum()
+    points = SurfelPoints(runtime, scene, local.numbered())
+    up = np.zeros((1, 3, TILE * TILE), np.float32)
+    up[0, 2] = 1.0
+    covered = _met(points, up, width)[0][0] >= 0
+    covered[: count - PARTS * len(own)] = True
+    # What rays from parts in gaps meet.
+    ways, reach = hemisphere_ways(RAYS), REACH * float(np.linalg.norm(np.ptp(scene.bounds, axis=0)))
+    triangle, where = _met(points, ways, reach)
+    inside = np.flatnonzero(covered)
+    triangle, where = triangle[:, inside].T, where[:, inside].T * reach
+    way = _turned(ways[:, :, points.numbers[inside] % (TILE * TILE)], local.part_normal[inside])
+    lift = LIFT * reach / REACH
+    start = local.part_position[inside] + lift * local.part_normal[inside]
+    met = triangle >= 0
+    glow = np.array([mean_emission(scene, material) for material in scene.materials]).reshape(-1, 3)
+    shines = np.where(met[..., None], glow[scene.material_ids[triangle]], 0.0)
+    # Ends of rays have the light of the nearest part that faces as they do.
+    end = start[:, None] + way * where[..., None]
+    corners = scene.positions[scene.triangles[triangle]].astype(np.float64)
+    facing = np.cross(corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :])
+    facing /= np.maximum(np.linalg.norm(facing, axis=-1, keepdims=True), 1e-300)
+    facing *= -np.sign(np.einsum("nrc,nrc->nr", facing, way))[..., None]
+    known = cKDTree(_sides(local.part_position, local.part_normal, width))
+    off, nearest = known.query(_sides(end.reshape(-1, 3), facing.reshape(-1, 3), width), distance_upper_bound=width * APART)
+    off, nearest = off.reshape(met.shape), np.minimum(nearest, count - 1).reshape(met.shape)
+    spacing = np.sqrt(area)
+    there = met & (off < 3.0 * spacing[nearest])
+    stays = there & covered[nearest]
+    leaves = there & ~stays
+    # What goes farther leaves if it comes through air.
+    part, ray = np.nonzero(met & ~there)
+    if len(part):
+        along = np.linspace(0.0, 1.0, AIR_STEPS + 1)[1:] * np.minimum(where[part, ray], AIR * width)[:, None]
+        through = start[part][:, None] + along[..., None] * way[part, ray][:, None]
+        leaves[part, ray] = air(through.reshape(-1, 3) + local.origin).reshape(along.shape).any(axis=1)
+    place = np.zeros(count, np.intp)
+    place[inside] = np.arange(len(inside))
+    other = np.where(stays, place[nearest], 0)
+    emitted = math.pi * shines.mean(axis=1)
+    albedo = local.part_albedo[inside]
+    received = emitted
+    for _ in range(BOUNCES):
+        sent = albedo * received
+        now = emitted + np.where(stays[..., None], sent[other], 0.0).mean(axis=1)
+        change = np.abs(now - received).sum()
+        received = now
+        if change < 1e-3 * received.sum():
+            break
+    sent = albedo * received
+    leaves &= (sent @ LUMINANCE > 0.0)[:, None]
+    part, ray = np.nonzero(leaves)
+    lit = np.zeros(count, np.bool_)
+    lit[inside] = received.any(axis=1)
+    within = np.zeros(len(surfels.part_area), np.bool_)
+    within[(own[:, None] * PARTS + np.arange(PARTS)).ravel()] = lit[count - PARTS * len(own) :]
+    if not len(part):
+        return Openings(_lights(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3)), 1.0), within)
+    # Where they leave: the first place whose nearest part has air before it.
+    along = np.minimum(STEP * width * np.arange(1, STEPS + 1), 0.9 * where[part, ray][:, None])
+    places = start[part][:, None] + along[..., None] * way[part, ray][:, None]
+    all_parts = cKDTree(local.part_position)
+    outside = ~covered[all_parts.query(places.reshape(-1, 3))[1]].reshape(along.shape)
+    step = np.where(outside.any(axis=1), outside.argmax(axis=1), STEPS - 1)
+    exits = places[np.arange(len(part)), step]
+    flux = (area[inside, None] * sent / RAYS)[part]
+    exitance = float((area[inside] @ (sent @ LUMINANCE)) / area[inside][sent.any(axis=1)].sum())
+    return Openings(_lights(exits + local.origin, way[part, ray], flux, exitance), within)
+
+
+def _sides(position: Doubles, normal: Doubles, width: float) -> Doubles:
+    """Return [n, 7] coordinates in which points near each other are on the same side of the same surface."""
+    along = np.einsum("nc,nc->n", position, normal)
+    return np.concatenate([position, APART * width * normal, SLICE * along[:, None]], axis=1)
+
+
+def _lights(position: Doubles, way: Doubles, flux: Doubles, exitance: float) -> Vpls:
+    """Return lights for rays that leave: the mean of neighbours', whose area sends their flux with an exitance."""
+    low, high = (position.min(axis=0), position.max(axis=0)) if len(position) else (np.zeros(3), np.ones(3))
+    order = np.argsort(curve_numbers(position, low, high), kind="stable") if len(position) else np.zeros(0, np.intp)
+    position, way, flux = position[order], way[order], flux[order]
+    count = min(LIGHTS, -(-len(order) // PARTS))
+    bright = flux @ LUMINANCE
+    ends = np.cumsum(bright)
+    number = np.minimum(((ends - 0.5 * bright) / ends[-1] * count * PARTS).astype(np.intp), count * PARTS - 1) if count else order
+
+    def mean(group: NDArray[np.intp], groups: int) -> Vpls:
+        def total(values: Doubles) -> Doubles:
+            return np.stack([np.bincount(group, v, groups) for v in values.T], axis=1)
+
+        weight = np.maximum(np.bincount(group, bright, groups), 1e-300)[:, None]
+        normal = total(way * bright[:, None])
+        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+        sent = total(flux)
+        area = np.maximum(sent @ LUMINANCE / max(exitance, 1e-300), 1e-12)
+        return Vpls(total(position * bright[:, None]) / weight, normal, sent, area)
+
+    parts, lights = mean(number, count * PARTS), mean(number // PARTS, count)
+    parts = replace(parts, normal=np.repeat(lights.normal, PARTS, axis=0))
+    return replace(lights, parts=parts)
+
+
+def joined(*some: Surfels) -> Surfels:
+    """Return surfels one after the other."""
+    names = [name for name in some[0].__dataclass_fields__ if name != "origin"]
+    return Surfels(origin=some[0].origin, **{n: np.concatenate([getattr(one, n) for one in some]) for n in names})
+
+
+def _met(points: SurfelPoints, ways: NDArray[np.float32], reach: float) -> tuple[NDArray[np.int32], Doubles]:
+    """Return triangles [rays, parts] that rays meet first, -1 for none, and the part of the way there."""
+    runtime, scene, stride = points.runtime, points.scene, len(points)
+    bvh = scene_bvh(scene, runtime)
+    met, where = runtime.empty(len(ways) * stride, np.int32), runtime.empty(len(ways) * stride, np.float32)
+    runtime.kernel("radiosity/radiosity_met.cl").run(
+        (1, stride),
+        points=points.array,
+        ways=runtime.array(ways),
+        nodes=bvh.nodes,
+        triangles=bvh.triangles,
+        met=met,
+        where=where,
+        rays=len(ways),
+        lift=LIFT * float(np.linalg.norm(np.ptp(scene.bounds, axis=0))),
+        reach=reach,
+    )
+    found, at = (one.download().reshape(-1, stride)[:, : points.count] for one in (met, where))
+    return found, at.astype(np.float64)
+
+
+def _turned(ways: NDArray[np.float32], normal: Doubles) -> Doubles:
+    """Return [n, rays, 3] directions [rays, 3, n] about normals [n, 3], as kernels/rays/hemisphere.clh has them."""
+    nx, ny, nz = normal.T
+    sign = np.where(nz > -0.5, 1.0, -1.0)
+    a = -1.0 / (sign + nz)
+    b = nx * ny * a
+    u = np.stack([sign * nx * nx * a + 1.0, sign * b, -sign * nx], axis=1)
+    v = np.stack([b, ny * ny * a + sign, -ny], axis=1)
+    p, q, r = (ways[:, i].T[..., None].astype(np.float64) for i in range(3))
+    turned: Doubles = p * u[:, None] + q * v[:, None] + r * normal[:, None]
+    return turned

@@ -15,12 +15,12 @@ from ssgi_cl.core.vpls import LUMINANCE, PARTS, Vpls
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.raster.scene_bvh import scene_bvh
 from ssgi_cl.techniques.occupancy.scene_rays import LIFT
-from ssgi_cl.techniques.radiosity.surfel_rays import RAYS, REACH, SurfelPoints
+from ssgi_cl.techniques.radiosity.surfel_rays import RAYS, REACH, Sources, SurfelPoints
 from ssgi_cl.techniques.radiosity.surfels import Surfels, curve_numbers
 
 Doubles = NDArray[np.float64]
 
-EMITTERS = 64
+EMITTERS = 128
 """Most surfels that stand for the emissive sides in gaps."""
 AROUND = 2.0
 """Widths of a gap within which surfels count as near."""
@@ -43,10 +43,12 @@ class Openings:
     Attributes:
         lights: at their openings, what surfaces in them reflect.
         within: [parts] whether a part of the surfels that were given lies in one that is lit.
+        sources: what shines on surfels: the parts of lights, and emissive surfaces without room in front of them.
     """
 
     lights: Vpls
     within: NDArray[np.bool_]
+    sources: Sources
 
 
 def openings(runtime: Runtime, scene: Scene, surfels: Surfels, narrow: Surfels, width: float, air: Callable[[Doubles], NDArray[np.bool_]]) -> Openings | None:
@@ -127,6 +129,10 @@ def openings(runtime: Runtime, scene: Scene, surfels: Surfels, narrow: Surfels, 
         if change < 1e-3 * received.sum():
             break
     sent = albedo * received
+    of_sources = PARTS * len(sources)
+    shown = np.zeros(count)
+    shown[inside] = leaves.mean(axis=1)
+    out = np.flatnonzero(shown[:of_sources])
     leaves &= (sent @ LUMINANCE > 0.0)[:, None]
     part, ray = np.nonzero(leaves)
     lit = np.zeros(count, np.bool_)
@@ -134,7 +140,7 @@ def openings(runtime: Runtime, scene: Scene, surfels: Surfels, narrow: Surfels, 
     within = np.zeros(len(surfels.part_area), np.bool_)
     within[(own[:, None] * PARTS + np.arange(PARTS)).ravel()] = lit[count - PARTS * len(own) :]
     if not len(part):
-        return Openings(_lights(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3)), 1.0), within)
+        return Openings(_lights(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3)), 1.0), within, _sources(local, area, out, shown, None))
     # Where they leave: the first place whose nearest part has air before it.
     along = np.minimum(STEP * width * np.arange(1, STEPS + 1), 0.9 * where[part, ray][:, None])
     places = start[part][:, None] + along[..., None] * way[part, ray][:, None]
@@ -144,7 +150,23 @@ def openings(runtime: Runtime, scene: Scene, surfels: Surfels, narrow: Surfels, 
     exits = places[np.arange(len(part)), step]
     flux = (area[inside, None] * sent / RAYS)[part]
     exitance = float((area[inside] @ (sent @ LUMINANCE)) / area[inside][sent.any(axis=1)].sum())
-    return Openings(_lights(exits + local.origin, way[part, ray], flux, exitance), within)
+    lights = _lights(exits + local.origin, way[part, ray], flux, exitance)
+    return Openings(lights, within, _sources(local, area, out, shown, lights.parts))
+
+
+def _sources(local: Surfels, area: Doubles, out: NDArray[np.intp], shown: Doubles, lights: Vpls | None) -> Sources:
+    position, normal = local.part_position[out] + local.origin, local.part_normal[out]
+    exitance, own = math.pi * local.part_emission[out], area[out]
+    if lights is None:
+        return Sources(position, normal, own, exitance, shown[out], np.ones(len(out), np.bool_))
+    return Sources(
+        np.concatenate([position, lights.position]),
+        np.concatenate([normal, lights.normal]),
+        np.concatenate([own, lights.area]),
+        np.concatenate([exitance, lights.flux / lights.area[:, None]]),
+        np.concatenate([shown[out], np.ones(len(lights))]),
+        np.arange(len(out) + len(lights)) < len(out),
+    )
 
 
 def _sides(position: Doubles, normal: Doubles, width: float) -> Doubles:

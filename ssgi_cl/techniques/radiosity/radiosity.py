@@ -221,11 +221,11 @@ class Radiosity(Prepared[RadiosityParams]):
         device, exact = self._device, rays_meet_triangles(scene)
         device.fill(scene, self.params.surfels * (BY_RAYS if exact else 1), dark, self._history)
         low, extent = device.camera.position - device.half, 2.0 * device.half
-        self._openings = None
+        self._openings = found = None
         if exact and len(device.surfels):
-            self._openings = openings(self.runtime, scene, device.surfels, device.narrow, device.room, lambda at: device.is_lit(at, dark))
-            if self._openings is not None:
-                within = self._openings.within[:, None]
+            self._openings = found = openings(self.runtime, scene, device.surfels, device.narrow, device.room, lambda at: device.is_lit(at, dark))
+            if found is not None:
+                within = found.within[:, None]
                 # What is in gaps sends its light at their openings.
                 albedo = np.where(within, 0.0, device.surfels.part_albedo)
                 device.surfels = replace(device.surfels, part_albedo=albedo)
@@ -234,11 +234,10 @@ class Radiosity(Prepared[RadiosityParams]):
         self._first_by_rays = rays_carry_first_bounce(scene)
         self._rays = points = shown = planes = None
         if exact and len(surfels):
-            lights = None if self._openings is None else self._openings.lights
-            points = SurfelPoints(self.runtime, scene, surfels, lights)
+            points = SurfelPoints(self.runtime, scene, surfels, None if found is None else found.sources)
             shown, planes = open_shares(points, OPEN_CELLS * extent / CELLS), hiding_planes(points)
-            if self._openings is not None:
-                shown[self._openings.within] = 0.0
+            if found is not None:
+                shown[found.within] = 0.0
         unlit = _parts(device.unlit)
         self._cells = cache(lambda: SurfaceCells(pieces, low, extent, unlit, shown, planes))
         self._hidden = np.zeros(len(surfels.part_area), np.bool_)

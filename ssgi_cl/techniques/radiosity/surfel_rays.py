@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from ssgi_cl.core.hemisphere import TILE, hemisphere_ways
 from ssgi_cl.core.lights import DirectionalLight, PunctualLight, SpotLight, light_extent
 from ssgi_cl.core.sampling import r_points
 from ssgi_cl.core.scene import Scene, mean_emission
-from ssgi_cl.core.vpls import LUMINANCE, Vpls
+from ssgi_cl.core.vpls import LUMINANCE
 from ssgi_cl.device.arrays import DeviceArray
 from ssgi_cl.device.constants import DIRECT_LIGHT
 from ssgi_cl.device.runtime import Runtime
@@ -40,6 +41,26 @@ def _diagonal(scene: Scene) -> float:
     return max(float(np.linalg.norm(np.ptp(scene.bounds, axis=0))), 1e-30)
 
 
+@dataclass(frozen=True, eq=False)
+class Sources:
+    """Places that send light besides the parts of surfels.
+
+    Attributes:
+        position, normal: [n, 3] world space.
+        area: [n] that each stands for, scene units squared.
+        exitance: [n, 3] W/m^2.
+        shown: [n] which share of it leaves the gap that it lies in.
+        emits: [n] whether an emissive surface is there, which rays meet.
+    """
+
+    position: Doubles
+    normal: Doubles
+    area: Doubles
+    exitance: Doubles
+    shown: Doubles
+    emits: NDArray[np.bool_]
+
+
 class SurfelPoints:
     """The parts of surfels in device memory, as kernels/radiosity/points.clh reads them.
 
@@ -47,26 +68,27 @@ class SurfelPoints:
         runtime: the device.
         scene: whose triangles rays meet.
         surfels: of the scene.
+        sources: of light besides.
 
     Attributes:
-        runtime, scene, surfels: as given.
+        runtime, scene, surfels, sources: as given.
         count: of parts.
-        numbers: [points] by which points have their rays: those of parts, then others.
+        numbers: [points] by which points have their rays: those of parts, then of sources and others.
         array: the points, of which there are a multiple of `ROW`.
     """
 
-    def __init__(self, runtime: Runtime, scene: Scene, surfels: Surfels, lights: Vpls | None = None) -> None:
+    def __init__(self, runtime: Runtime, scene: Scene, surfels: Surfels, sources: Sources | None = None) -> None:
         self.runtime, self.scene, self.surfels = runtime, scene, surfels
         self.count = count = len(surfels.part_area)
-        self.lights = lights.parts if lights is not None and len(lights) else None
-        total = count + (0 if self.lights is None else len(self.lights))
+        self.sources = sources
+        total = count + (0 if sources is None else len(sources.area))
         self.numbers = number = np.arange(-(-total // ROW) * ROW)
         number[:count] = surfels.part_number
         points = np.zeros((9, len(number)), np.float32)
         points[5] = 1.0
-        if self.lights is not None:
-            points[:3, count:total] = (self.lights.position - scene.origin).T
-            points[3:6, count:total] = self.lights.normal.T
+        if sources is not None:
+            points[:3, count:total] = (sources.position - scene.origin).T
+            points[3:6, count:total] = sources.normal.T
         points[:3, :count] = (surfels.part_position + (surfels.origin - scene.origin)).T
         points[3:6, :count] = surfels.part_normal.T
         place = self.places(2)
@@ -204,7 +226,8 @@ class SurfelRays:
         glow = np.array([mean_emission(scene, material) for material in scene.materials]).reshape(-1, 3)
         brightest = max(float(glow.max(initial=0.0)), float(surfels.part_emission.max(initial=0.0)), 1e-300)
         # Density with which places are drawn: luminance over the power of all.
-        power = float(surfels.part_area @ (surfels.part_emission @ LUMINANCE))
+        table, weight = self._sending()
+        power = float(weight.sum())
         emits = power > 0.0
         shines = _emission(glow, brightest, power)[scene.material_ids] if emits else np.zeros(4, np.float32)
         side, first = areas.side, (np.asarray(scene.origin) - areas.low) / areas.side
@@ -228,11 +251,12 @@ class SurfelRays:
             **cell,
         )
         if emits:
+            table[:, :3] /= brightest
             runtime.kernel("radiosity/radiosity_emission.cl").run(
                 (1, self._stride),
                 points=self._points.array,
-                chosen=runtime.array(self._drawn(surfels.part_area * (surfels.part_emission @ LUMINANCE))),
-                emission=runtime.array(_emission(surfels.part_emission, brightest, power)),
+                chosen=runtime.array(self._drawn(weight)),
+                emission=runtime.array(table.astype(np.float32)),
                 nodes=self._bvh.nodes,
                 triangles=self._bvh.triangles,
                 irradiance=self._found,
@@ -240,39 +264,35 @@ class SurfelRays:
                 rays=float(RAYS),
                 lift=LIFT * self._unit,
             )
-        if self._points.lights is not None:
-            self._add_lights(self._points.lights, brightest)
         return self._of_parts() * brightest
 
-    def _add_lights(self, lights: Vpls, brightest: float) -> None:
-        """Add the irradiance by lights, counted in a radiance."""
-        power, points = lights.flux @ LUMINANCE, self._points
-        # Their density is raised, and their radiance with it, so that rays that know nothing of them count little:
-        # irradiance by one is that by a disc of its area.
-        density = 4.0 / lights.area
-        radiance = lights.flux / np.maximum(power, 1e-300)[:, None] * (power.sum() * 4.0 / math.pi / lights.area)[:, None]
-        table = np.zeros((points.count + len(lights), 4), np.float32)
-        table[points.count :, :3], table[points.count :, 3] = radiance / brightest, density
-        self.runtime.kernel("radiosity/radiosity_emission.cl").run(
-            (1, self._stride),
-            points=points.array,
-            chosen=self.runtime.array(self._drawn(power, points.count)),
-            emission=self.runtime.array(table),
-            nodes=self._bvh.nodes,
-            triangles=self._bvh.triangles,
-            irradiance=self._found,
-            count=PLACES,
-            rays=float(RAYS),
-            lift=LIFT * self._unit,
-        )
+    def _sending(self) -> tuple[Doubles, Doubles]:
+        """Return radiance and density [n, 4] of places that send light, as the kernel takes them, and the weights with
+        which they are drawn."""
+        surfels, more = self._points.surfels, self._points.sources
+        radiance, area = surfels.part_emission, surfels.part_area
+        weight = area * (radiance @ LUMINANCE)
+        if more is not None:
+            sent = more.exitance / math.pi
+            radiance, area = np.concatenate([radiance, sent]), np.concatenate([area, more.area])
+            weight = np.concatenate([weight, more.shown * more.area * (sent @ LUMINANCE)])
+        # That with which rays reckon, which meet emissive surfaces alone.
+        density = radiance @ LUMINANCE / max(float(weight.sum()), 1e-300)
+        if more is not None:
+            others = np.flatnonzero(~more.emits) + len(surfels.part_area)
+            density[others] = PLACES / area[others]
+        drawn = weight / max(float(weight.sum()), 1e-300)
+        gain = np.where(weight > 0.0, area * density / np.where(weight > 0.0, drawn, 1.0), 0.0)
+        table = np.column_stack([radiance * gain[:, None], density])
+        return table, weight
 
-    def _drawn(self, power: Doubles, first: int = 0) -> NDArray[np.int32]:
-        """Return [PLACES, parts and padding] numbers, from `first` on, in proportion to power [n]."""
-        emitting = np.flatnonzero(power)
-        ends = np.cumsum(power[emitting])
+    def _drawn(self, weight: Doubles) -> NDArray[np.int32]:
+        """Return [PLACES, parts and padding] numbers of places that send light, in proportion to weights."""
+        sending = np.flatnonzero(weight)
+        ends = np.cumsum(weight[sending])
         wanted = np.mod(self._points.places(1)[:, 0] + np.arange(PLACES)[:, None] / PLACES, 1.0)
         number = np.searchsorted(ends, wanted * ends[-1], "right")
-        drawn: NDArray[np.int32] = (first + emitting).astype(np.int32)[np.minimum(number, len(emitting) - 1)]
+        drawn: NDArray[np.int32] = sending.astype(np.int32)[np.minimum(number, len(sending) - 1)]
         return drawn
 
     def _light(self, light: PunctualLight) -> list[float]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +14,7 @@ from ssgi_cl.core.vpls import LUMINANCE, PARTS, Vpls
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.raster.scene_bvh import scene_bvh
 from ssgi_cl.techniques.occupancy.scene_rays import LIFT
-from ssgi_cl.techniques.radiosity.surfel_rays import RAYS, REACH, Sources, SurfelPoints
+from ssgi_cl.techniques.radiosity.surfel_rays import RAYS, REACH, ROW, Sources, SurfelPoints
 from ssgi_cl.techniques.radiosity.surfels import Surfels, curve_numbers
 
 Doubles = NDArray[np.float64]
@@ -26,13 +25,10 @@ AROUND = 2.0
 """Widths of a gap within which surfels count as near."""
 LIGHTS = 32
 """Most lights at openings."""
-STEP = 0.25
-"""Of the greatest width of a gap: how finely the place is found where a ray leaves."""
-STEPS = 24
+STEPS = 0.125 * 1.5 ** np.arange(10)
+"""Widths of a gap along a ray where it is looked whether it has left."""
 APART = 4.0
 SLICE = 20.0
-AIR = 8.0
-AIR_STEPS = 16
 BOUNCES = 64
 
 
@@ -51,7 +47,7 @@ class Openings:
     sources: Sources
 
 
-def openings(runtime: Runtime, scene: Scene, surfels: Surfels, narrow: Surfels, width: float, air: Callable[[Doubles], NDArray[np.bool_]]) -> Openings | None:
+def openings(runtime: Runtime, scene: Scene, surfels: Surfels, narrow: Surfels, width: float) -> Openings | None:
     """Return what leaves gaps; None if no emissive surface is in one. Waits for the device.
 
     Args:
@@ -81,9 +77,8 @@ def openings(runtime: Runtime, scene: Scene, surfels: Surfels, narrow: Surfels, 
     area = local.part_area.copy()
     area[: PARTS * len(sources)] *= narrow.area[emits].sum() / sources.area.sum()
     points = SurfelPoints(runtime, scene, local.numbered())
-    up = np.zeros((1, 3, TILE * TILE), np.float32)
-    up[0, 2] = 1.0
-    covered = _met(points, up, width)[0][0] >= 0
+    blocked = _blocked(points, local.part_position, local.part_normal, width)
+    covered = blocked.copy()
     covered[: count - PARTS * len(own)] = True
     # What rays from parts in gaps meet.
     ways, reach = hemisphere_ways(RAYS), REACH * float(np.linalg.norm(np.ptp(scene.bounds, axis=0)))
@@ -102,22 +97,26 @@ def openings(runtime: Runtime, scene: Scene, surfels: Surfels, narrow: Surfels, 
     facing = np.cross(corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :])
     facing /= np.maximum(np.linalg.norm(facing, axis=-1, keepdims=True), 1e-300)
     facing *= -np.sign(np.einsum("nrc,nrc->nr", facing, way))[..., None]
-    known = cKDTree(_sides(local.part_position, local.part_normal, width))
-    off, nearest = known.query(_sides(end.reshape(-1, 3), facing.reshape(-1, 3), width), distance_upper_bound=width * APART)
-    off, nearest = off.reshape(met.shape), np.minimum(nearest, count - 1).reshape(met.shape)
-    spacing = np.sqrt(area)
-    there = met & (off < 3.0 * spacing[nearest])
-    stays = there & covered[nearest]
-    leaves = there & ~stays
-    # What goes farther leaves if it comes through air.
-    part, ray = np.nonzero(met & ~there)
-    if len(part):
-        along = np.linspace(0.0, 1.0, AIR_STEPS + 1)[1:] * np.minimum(where[part, ray], AIR * width)[:, None]
-        through = start[part][:, None] + along[..., None] * way[part, ray][:, None]
-        leaves[part, ray] = air(through.reshape(-1, 3) + local.origin).reshape(along.shape).any(axis=1)
-    place = np.zeros(count, np.intp)
-    place[inside] = np.arange(len(inside))
-    other = np.where(stays, place[nearest], 0)
+    stays = np.zeros(met.shape, np.bool_)
+    stays[met] = _blocked(points, end[met], facing[met], width)
+    # Others leave where first nothing is as near to both sides.
+    part, ray = np.nonzero(met & ~stays)
+    along = np.minimum(STEPS * width, 0.99 * where[part, ray][:, None])
+    places = start[part][:, None] + along[..., None] * way[part, ray][:, None]
+    sides = np.broadcast_to(local.part_normal[inside][part][:, None], places.shape).reshape(-1, 3)
+    between = _blocked(points, places.reshape(-1, 3), sides, width)
+    between[between] = _blocked(points, places.reshape(-1, 3)[between], -sides[between], width)
+    outside = ~between.reshape(along.shape)
+    goes = outside.any(axis=1)
+    part, ray = part[goes], ray[goes]
+    exits = places[goes, outside[goes].argmax(axis=1)]
+    leaves = np.zeros(met.shape, np.bool_)
+    leaves[part, ray] = True
+    known = cKDTree(_sides(local.part_position[inside], local.part_normal[inside], width))
+    off, nearest = known.query(_sides(end[stays], facing[stays], width), distance_upper_bound=width * APART)
+    stays[stays] = np.isfinite(off)
+    other = np.zeros(met.shape, np.intp)
+    other[stays] = nearest[np.isfinite(off)]
     emitted = math.pi * shines.mean(axis=1)
     albedo = local.part_albedo[inside]
     received = emitted
@@ -133,24 +132,20 @@ def openings(runtime: Runtime, scene: Scene, surfels: Surfels, narrow: Surfels, 
     shown = np.zeros(count)
     shown[inside] = leaves.mean(axis=1)
     out = np.flatnonzero(shown[:of_sources])
-    leaves &= (sent @ LUMINANCE > 0.0)[:, None]
-    part, ray = np.nonzero(leaves)
     lit = np.zeros(count, np.bool_)
     lit[inside] = received.any(axis=1)
     within = np.zeros(len(surfels.part_area), np.bool_)
     within[(own[:, None] * PARTS + np.arange(PARTS)).ravel()] = lit[count - PARTS * len(own) :]
     if not len(part):
         return Openings(_lights(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3)), 1.0), within, _sources(local, area, out, shown, None))
-    # Where they leave: the first place whose nearest part has air before it.
-    along = np.minimum(STEP * width * np.arange(1, STEPS + 1), 0.9 * where[part, ray][:, None])
-    places = start[part][:, None] + along[..., None] * way[part, ray][:, None]
-    all_parts = cKDTree(local.part_position)
-    outside = ~covered[all_parts.query(places.reshape(-1, 3))[1]].reshape(along.shape)
-    step = np.where(outside.any(axis=1), outside.argmax(axis=1), STEPS - 1)
-    exits = places[np.arange(len(part)), step]
     flux = (area[inside, None] * sent / RAYS)[part]
     exitance = float((area[inside] @ (sent @ LUMINANCE)) / area[inside][sent.any(axis=1)].sum())
-    lights = _lights(exits + local.origin, way[part, ray], flux, exitance)
+    # Openings of gaps are across the surfaces at their sides.
+    normal = local.part_normal[inside][part]
+    across = way[part, ray] - np.einsum("nc,nc->n", way[part, ray], normal)[:, None] * normal
+    free = ~blocked[inside][part]
+    across[free], exits[free] = normal[free], start[part[free]]
+    lights = _lights(exits + local.origin, across, flux, exitance)
     return Openings(lights, within, _sources(local, area, out, shown, lights.parts))
 
 
@@ -226,6 +221,34 @@ def _met(points: SurfelPoints, ways: NDArray[np.float32], reach: float) -> tuple
     )
     found, at = (one.download().reshape(-1, stride)[:, : points.count] for one in (met, where))
     return found, at.astype(np.float64)
+
+
+def _blocked(points: SurfelPoints, position: Doubles, normal: Doubles, reach: float) -> NDArray[np.bool_]:
+    """Return whether a triangle is in front of places [n, 3], relative to the origin of surfels, within a reach."""
+    runtime, scene, count = points.runtime, points.scene, len(position)
+    stride = max(-(-count // ROW) * ROW, ROW)
+    rows = np.zeros((9, stride), np.float32)
+    rows[5] = 1.0
+    rows[:3, :count], rows[3:6, :count] = (position + points.surfels.origin - scene.origin).T, normal.T
+    bvh, far = scene_bvh(scene, runtime), runtime.empty(stride, np.float32)
+    runtime.kernel("radiosity/radiosity_room.cl").run(
+        (1, stride),
+        points=runtime.array(rows),
+        ways=runtime.array(_ahead()),
+        nodes=bvh.nodes,
+        triangles=bvh.triangles,
+        far=far,
+        rays=1,
+        lift=LIFT * float(np.linalg.norm(np.ptp(scene.bounds, axis=0))),
+        reach=reach,
+    )
+    return far.download()[:count] == 0.0
+
+
+def _ahead() -> NDArray[np.float32]:
+    ways = np.zeros((1, 3, TILE * TILE), np.float32)
+    ways[0, 2] = 1.0
+    return ways
 
 
 def _turned(ways: NDArray[np.float32], normal: Doubles) -> Doubles:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -47,7 +48,7 @@ class Openings:
     sources: Sources
 
 
-def openings(runtime: Runtime, scene: Scene, surfels: Surfels, narrow: Surfels, width: float) -> Openings | None:
+def openings(runtime: Runtime, scene: Scene, surfels: Surfels, narrow: Surfels, width: float, is_lit: Callable[[Doubles], NDArray[np.bool_]]) -> Openings | None:
     """Return what leaves gaps; None if no emissive surface is in one. Waits for the device.
 
     Args:
@@ -107,6 +108,10 @@ def openings(runtime: Runtime, scene: Scene, surfels: Surfels, narrow: Surfels, 
     between = _blocked(points, places.reshape(-1, 3), sides, width)
     between[between] = _blocked(points, places.reshape(-1, 3)[between], -sides[between], width)
     outside = ~between.reshape(along.shape)
+    # Nothing is as near to some parts, as on the inner sides of boxes: what they send leaves through air.
+    free = np.flatnonzero(~blocked[inside][part])
+    reached = places[free] * 1.0
+    outside[free] = is_lit(reached.reshape(-1, 3) + local.origin).reshape(len(free), -1)
     goes = outside.any(axis=1)
     part, ray = part[goes], ray[goes]
     exits = places[goes, outside[goes].argmax(axis=1)]

@@ -223,7 +223,7 @@ class Radiosity(Prepared[RadiosityParams]):
         low, extent = device.camera.position - device.half, 2.0 * device.half
         self._openings = found = None
         if exact and len(device.surfels):
-            self._openings = found = openings(self.runtime, scene, device.surfels, device.narrow, device.room)
+            self._openings = found = openings(self.runtime, scene, device.surfels, device.narrow, device.room, lambda at: device.is_lit(at, dark))
             if found is not None:
                 within = found.within[:, None]
                 # What is in gaps sends its light at their openings.

@@ -116,6 +116,12 @@ class DeviceSurfels:
         box = self._occupancy.box.download()
         return float(box[4] / box[3]) * self.unit
 
+    def is_lit(self, points: Doubles, dark: frozenset[int]) -> NDArray[np.bool_]:
+        """Return which of points [n, 3] of world space lie in empty cells of spaces other than `dark`."""
+        box = self._occupancy.box.download()
+        space = self._air.at(((points - self.camera.position) / self.unit - box[:3]) * box[3])
+        return (space > 0) & ~np.isin(space, list(dark))
+
     def dark(self, lights: Floats | None, *, sky: bool) -> frozenset[int]:
         """Return the spaces of the scene's air that no light enters, small ones left out.
 

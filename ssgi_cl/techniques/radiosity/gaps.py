@@ -5,32 +5,38 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.hemisphere import TILE, hemisphere_ways
-from ssgi_cl.core.scene import Scene, mean_emission
-from ssgi_cl.core.vpls import LUMINANCE, PARTS, Vpls
+from ssgi_cl.core.scene import Scene, mean_color
+from ssgi_cl.core.vpls import LUMINANCE, PARTS, Vpls, cut_evenly
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.raster.scene_bvh import scene_bvh
 from ssgi_cl.techniques.occupancy.scene_rays import LIFT
-from ssgi_cl.techniques.radiosity.surfel_rays import RAYS, REACH, ROW, Sources, SurfelPoints
+from ssgi_cl.techniques.radiosity.light_volume import CELLS
+from ssgi_cl.techniques.radiosity.surfel_rays import AHEAD, REACH, ROW, Sources
 from ssgi_cl.techniques.radiosity.surfels import Surfels, curve_numbers
 
 Doubles = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
-EMITTERS = 128
-"""Most surfels that stand for the emissive sides in gaps."""
-AROUND = 2.0
-"""Widths of a gap within which surfels count as near."""
-LIGHTS = 32
-"""Most lights at openings."""
+PATHS = 1 << 14
+"""From emissive surfaces without room in front of them."""
+BOUNCES = 40
+"""Of a path, at most."""
+MOST_SOURCES = 1024
+"""Places that stand for such surfaces."""
+LIGHTS = 64
+"""Lights in gaps."""
+TRIES = 64
+"""Rays by which it is known which share of a light leaves."""
+NARROW = 0.1
+"""Side of a light's square, in widths of a gap."""
 STEPS = 0.125 * 1.5 ** np.arange(10)
-"""Widths of a gap along a ray where it is looked whether it has left."""
-APART = 4.0
-SLICE = 20.0
-BOUNCES = 64
+"""Widths of a gap along a ray at which it is looked whether it has left."""
+SEED = 11
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,232 +44,250 @@ class Openings:
     """Light that leaves gaps.
 
     Attributes:
-        lights: at their openings, what surfaces in them reflect.
-        within: [parts] whether a part of the surfels that were given lies in one that is lit.
-        sources: what shines on surfels: the parts of lights, and emissive surfaces without room in front of them.
+        lights: at their openings: what surfaces in gaps reflect.
+        within: [parts] which parts of surfels lie in a gap that is lit.
+        sources: what shines on surfels: the parts of `lights`, and emissive surfaces without room in front of them.
     """
 
     lights: Vpls
-    within: NDArray[np.bool_]
+    within: Flags
     sources: Sources
 
 
-def openings(runtime: Runtime, scene: Scene, surfels: Surfels, narrow: Surfels, width: float, is_lit: Callable[[Doubles], NDArray[np.bool_]]) -> Openings | None:
-    """Return what leaves gaps; None if no emissive surface is in one. Waits for the device.
+def openings(
+    runtime: Runtime, scene: Scene, surfels: Surfels, narrow: Surfels, width: float, is_lit: Callable[[Doubles], Flags]
+) -> Openings | None:
+    """Return what leaves gaps; None if no emissive surface is without room in front of it. Waits for the device.
+
+    A cavity's opening is about as bright from all sides: paths of light are followed from emissive surfaces until they
+    leave, and lights where they do face out of the gap. A surface is in a gap where another is in front of it within
+    `width`.
 
     Args:
         runtime: the device.
         scene: without holes.
-        surfels: that have air before them.
-        narrow: those that have none.
-        width: of the widest gap, scene units: what has a surface as near before it lies in one.
+        surfels: with room in front of them.
+        narrow: those without.
+        width: of gaps at most, scene units.
+        is_lit: returns whether places [n, 3] of world space are in air that light enters.
     """
-    from scipy.spatial import cKDTree  # takes a tenth of a second, which other commands do without
-
-    emits = np.flatnonzero(narrow.emission.any(axis=1))
-    if not len(emits):
+    emitting = np.flatnonzero(narrow.part_emission.any(axis=1) & (narrow.part_area > 0.0))
+    if not len(emitting):
         return None
-    every = -(-len(emits) // EMITTERS)
-    sources = narrow.chosen(emits[every // 2 :: every])
-    tree = cKDTree(sources.part_position)
-    dark = narrow.chosen(np.flatnonzero(~narrow.emission.any(axis=1)))
-
-    def near(some: Surfels) -> NDArray[np.intp]:
-        far = AROUND * width + np.sqrt(some.area.max(initial=0.0))
-        return np.flatnonzero(np.isfinite(tree.query(some.position, distance_upper_bound=far)[0]))
-
-    own = near(surfels)
-    local = joined(sources, dark.chosen(near(dark)), surfels.chosen(own))
-    count = len(local.part_area)
-    area = local.part_area.copy()
-    area[: PARTS * len(sources)] *= narrow.area[emits].sum() / sources.area.sum()
-    points = SurfelPoints(runtime, scene, local.numbered())
-    blocked = _blocked(points, local.part_position, local.part_normal, width)
-    covered = blocked.copy()
-    covered[: count - PARTS * len(own)] = True
-    # What rays from parts in gaps meet.
-    ways, reach = hemisphere_ways(RAYS), REACH * float(np.linalg.norm(np.ptp(scene.bounds, axis=0)))
-    triangle, where = _met(points, ways, reach)
-    inside = np.flatnonzero(covered)
-    triangle, where = triangle[:, inside].T, where[:, inside].T * reach
-    way = _turned(ways[:, :, points.numbers[inside] % (TILE * TILE)], local.part_normal[inside])
-    lift = LIFT * reach / REACH
-    start = local.part_position[inside] + lift * local.part_normal[inside]
-    met = triangle >= 0
-    glow = np.array([mean_emission(scene, material) for material in scene.materials]).reshape(-1, 3)
-    shines = np.where(met[..., None], glow[scene.material_ids[triangle]], 0.0)
-    # Ends of rays have the light of the nearest part that faces as they do.
-    end = start[:, None] + way * where[..., None]
-    corners = scene.positions[scene.triangles[triangle]].astype(np.float64)
-    facing = np.cross(corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :])
-    facing /= np.maximum(np.linalg.norm(facing, axis=-1, keepdims=True), 1e-300)
-    facing *= -np.sign(np.einsum("nrc,nrc->nr", facing, way))[..., None]
-    stays = np.zeros(met.shape, np.bool_)
-    stays[met] = _blocked(points, end[met], facing[met], width)
-    # Others leave where first nothing is as near to both sides.
-    part, ray = np.nonzero(met & ~stays)
-    along = np.minimum(STEPS * width, 0.99 * where[part, ray][:, None])
-    places = start[part][:, None] + along[..., None] * way[part, ray][:, None]
-    sides = np.broadcast_to(local.part_normal[inside][part][:, None], places.shape).reshape(-1, 3)
-    between = _blocked(points, places.reshape(-1, 3), sides, width)
-    between[between] = _blocked(points, places.reshape(-1, 3)[between], -sides[between], width)
-    outside = ~between.reshape(along.shape)
-    # Nothing is as near to some parts, as on the inner sides of boxes: what they send leaves through air.
-    free = np.flatnonzero(~blocked[inside][part])
-    reached = places[free] * 1.0
-    outside[free] = is_lit(reached.reshape(-1, 3) + local.origin).reshape(len(free), -1)
-    goes = outside.any(axis=1)
-    part, ray = part[goes], ray[goes]
-    exits = places[goes, outside[goes].argmax(axis=1)]
-    leaves = np.zeros(met.shape, np.bool_)
-    leaves[part, ray] = True
-    known = cKDTree(_sides(local.part_position[inside], local.part_normal[inside], width))
-    off, nearest = known.query(_sides(end[stays], facing[stays], width), distance_upper_bound=width * APART)
-    stays[stays] = np.isfinite(off)
-    other = np.zeros(met.shape, np.intp)
-    other[stays] = nearest[np.isfinite(off)]
-    emitted = math.pi * shines.mean(axis=1)
-    albedo = local.part_albedo[inside]
-    received = emitted
-    for _ in range(BOUNCES):
-        sent = albedo * received
-        now = emitted + np.where(stays[..., None], sent[other], 0.0).mean(axis=1)
-        change = np.abs(now - received).sum()
-        received = now
-        if change < 1e-3 * received.sum():
+    # An odd step: parts of surfels are in order of their distance to the middle.
+    step = -(-len(emitting) // PATHS) | 1
+    chosen = emitting[step // 2 :: step]
+    area = narrow.part_area[chosen] * (narrow.part_area[emitting].sum() / narrow.part_area[chosen].sum())
+    world = _Rays(runtime, scene)
+    shift = narrow.origin - scene.origin
+    position, normal = narrow.part_position[chosen] + shift, narrow.part_normal[chosen]
+    emission = narrow.part_emission[chosen]
+    covered = world.blocked(position, normal, width)
+    random = np.random.default_rng(SEED)
+    flux, albedo = math.pi * area[:, None] * emission, _albedo(scene)
+    shown = np.zeros(len(chosen))
+    left: list[tuple[Doubles, Doubles, Doubles]] = []
+    lit: list[Doubles] = []
+    for number in range(BOUNCES):
+        way = _scattered(normal, random)
+        end = world.followed(position, normal, way, covered, width, is_lit)
+        if number:
+            left.append((position[end.leaves], normal[end.leaves], flux[end.leaves]))
+        else:
+            shown[end.leaves] = 1.0
+        lit.append(end.position[end.stays])
+        # A path goes on with the probability of its brightest channel.
+        share = albedo[end.triangle]
+        lasts = share.max(axis=1)
+        on = np.flatnonzero(end.stays & (random.random(len(lasts)) < lasts))
+        if not len(on):
             break
-    sent = albedo * received
-    of_sources = PARTS * len(sources)
-    shown = np.zeros(count)
-    shown[inside] = leaves.mean(axis=1)
-    out = np.flatnonzero(shown[:of_sources])
-    lit = np.zeros(count, np.bool_)
-    lit[inside] = received.any(axis=1)
-    within = np.zeros(len(surfels.part_area), np.bool_)
-    within[(own[:, None] * PARTS + np.arange(PARTS)).ravel()] = lit[count - PARTS * len(own) :]
-    if not len(part):
-        return Openings(_lights(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3)), 1.0), within, _sources(local, area, out, shown, None))
-    flux = (area[inside, None] * sent / RAYS)[part]
-    exitance = float((area[inside] @ (sent @ LUMINANCE)) / area[inside][sent.any(axis=1)].sum())
-    # Openings of gaps are across the surfaces at their sides.
-    normal = local.part_normal[inside][part]
-    across = way[part, ray] - np.einsum("nc,nc->n", way[part, ray], normal)[:, None] * normal
-    free = ~blocked[inside][part]
-    across[free], exits[free] = normal[free], start[part[free]]
-    lights = _lights(exits + local.origin, across, flux, exitance)
-    return Openings(lights, within, _sources(local, area, out, shown, lights.parts))
-
-
-def _sources(local: Surfels, area: Doubles, out: NDArray[np.intp], shown: Doubles, lights: Vpls | None) -> Sources:
-    position, normal = local.part_position[out] + local.origin, local.part_normal[out]
-    exitance, own = math.pi * local.part_emission[out], area[out]
-    if lights is None:
-        return Sources(position, normal, own, exitance, shown[out], np.ones(len(out), np.bool_))
-    return Sources(
-        np.concatenate([position, lights.position]),
-        np.concatenate([normal, lights.normal]),
-        np.concatenate([own, lights.area]),
-        np.concatenate([exitance, lights.flux / lights.area[:, None]]),
-        np.concatenate([shown[out], np.ones(len(lights))]),
-        np.arange(len(out) + len(lights)) < len(out),
+        position, normal, covered = end.position[on], end.facing[on], np.ones(len(on), np.bool_)
+        flux = flux[on] * (share[on] / lasts[on, None])
+    places = [np.concatenate([one[i] for one in left]) for i in range(3)] if left else [np.zeros((0, 3))] * 3
+    lights = _lights(world, places, width, is_lit, random)
+    within = _within(world, surfels, np.concatenate(lit), width)
+    # The share of light that leaves is that of neighbours together.
+    share = np.add.reduceat(shown, np.arange(0, len(shown), PARTS)) / PARTS
+    shown = np.repeat(share, PARTS)[: len(shown)]
+    out = np.flatnonzero(shown)
+    few = -(-len(out) // MOST_SOURCES) | 1
+    own = out[few // 2 :: few]
+    scale = area[out].sum() / max(area[own].sum(), 1e-300)
+    return Openings(
+        lights,
+        within,
+        Sources.joined(
+            narrow.part_position[chosen[own]] + narrow.origin,
+            narrow.part_normal[chosen[own]],
+            area[own] * scale,
+            math.pi * emission[own],
+            shown[own],
+            lights,
+        ),
     )
 
 
-def _sides(position: Doubles, normal: Doubles, width: float) -> Doubles:
-    """Return [n, 7] coordinates in which points near each other are on the same side of the same surface."""
-    along = np.einsum("nc,nc->n", position, normal)
-    return np.concatenate([position, APART * width * normal, SLICE * along[:, None]], axis=1)
+def _albedo(scene: Scene) -> Doubles:
+    """Return [triangles, 3] what share of light triangles reflect."""
+    materials = scene.materials
+    albedo = np.array([m.albedo for m in materials])
+    for number, material in enumerate(materials):
+        if material.texture >= 0:
+            albedo[number] *= mean_color(scene.textures[material.texture])
+    own = albedo[scene.material_ids] * scene.colors[scene.triangles].mean(axis=1)
+    found: Doubles = np.clip(own + np.array([m.spread for m in materials])[scene.material_ids], 0.0, 1.0)
+    return found
 
 
-def _lights(position: Doubles, way: Doubles, flux: Doubles, exitance: float) -> Vpls:
-    """Return lights for rays that leave: the mean of neighbours', whose area sends their flux with an exitance."""
-    low, high = (position.min(axis=0), position.max(axis=0)) if len(position) else (np.zeros(3), np.ones(3))
-    order = np.argsort(curve_numbers(position, low, high), kind="stable") if len(position) else np.zeros(0, np.intp)
-    position, way, flux = position[order], way[order], flux[order]
-    count = min(LIGHTS, -(-len(order) // PARTS))
+def _facing(scene: Scene, triangle: NDArray[np.int32], way: Doubles) -> Doubles:
+    """Return unit normals [n, 3] of triangles on the side that rays meet."""
+    corners = scene.positions[scene.triangles[triangle]].astype(np.float64)
+    facing: Doubles = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    facing /= np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-300)
+    facing *= -np.sign(np.einsum("nc,nc->n", facing, way))[:, None]
+    return facing
+
+
+def _scattered(normal: Doubles, random: np.random.Generator) -> Doubles:
+    """Return directions in proportion to the cosine about normals [n, 3]: to a point of a sphere on the surface."""
+    z, turn = random.uniform(-1.0, 1.0, len(normal)), random.uniform(0.0, 2.0 * math.pi, len(normal))
+    ring = np.sqrt(1.0 - z * z)
+    way: Doubles = normal * (1.0 + 1e-6) + np.stack([ring * np.cos(turn), ring * np.sin(turn), z], axis=1)
+    way /= np.linalg.norm(way, axis=1, keepdims=True)
+    return way
+
+
+def _within(world: _Rays, surfels: Surfels, lit: Doubles, width: float) -> Flags:
+    """Return which parts of surfels lie in a gap, in cells where paths met surfaces in one."""
+    scene = world.scene
+    low, high = (bound - scene.origin for bound in scene.bounds)
+    scale = CELLS / max(float((high - low).max()), 1e-300)
+    there = np.zeros((CELLS,) * 3, np.bool_)
+
+    def cells(position: Doubles) -> tuple[NDArray[np.intp], ...]:
+        return tuple(np.clip((position - low) * scale, 0, CELLS - 1).astype(np.intp).T)
+
+    there[cells(lit)] = True
+    position = surfels.part_position + (surfels.origin - scene.origin)
+    found = there[cells(position)]
+    found[found] = world.blocked(position[found], surfels.part_normal[found], width)
+    return found
+
+
+def _lights(
+    world: _Rays, places: list[Doubles], width: float, is_lit: Callable[[Doubles], Flags], random: np.random.Generator
+) -> Vpls:
+    """Return lights at some of the places from which light leaves gaps, which send as much to outside as all.
+
+    Args:
+        places: positions, normals and the flux that leaves, [n, 3] each.
+    """
+    position, normal, flux = places
     bright = flux @ LUMINANCE
-    ends = np.cumsum(bright)
-    number = np.minimum(((ends - 0.5 * bright) / ends[-1] * count * PARTS).astype(np.intp), count * PARTS - 1) if count else order
-
-    def mean(group: NDArray[np.intp], groups: int) -> Vpls:
-        def total(values: Doubles) -> Doubles:
-            return np.stack([np.bincount(group, v, groups) for v in values.T], axis=1)
-
-        weight = np.maximum(np.bincount(group, bright, groups), 1e-300)[:, None]
-        normal = total(way * bright[:, None])
-        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
-        sent = total(flux)
-        area = np.maximum(sent @ LUMINANCE / max(exitance, 1e-300), 1e-12)
-        return Vpls(total(position * bright[:, None]) / weight, normal, sent, area)
-
-    parts, lights = mean(number, count * PARTS), mean(number // PARTS, count)
-    parts = replace(parts, normal=np.repeat(lights.normal, PARTS, axis=0))
-    return replace(lights, parts=parts)
+    if not bright.any():
+        none = np.zeros((0, 3))
+        return Vpls(none, none, none, np.zeros(0), Vpls(none, none, none, np.zeros(0)))
+    order = np.argsort(curve_numbers(position, position.min(axis=0), position.max(axis=0)), kind="stable")
+    middle, sent, _ = cut_evenly(np.vstack([flux[order].T, bright[order]]), LIGHTS)
+    at, facing = position[order[middle]], normal[order[middle]]
+    # What leaves is a share of what each sends, as its gap hides the rest.
+    many = [np.repeat(one, TRIES, axis=0) for one in (at, facing)]
+    end = world.followed(*many, _scattered(many[1], random), np.ones(len(many[0]), np.bool_), width, is_lit)
+    share = (1.0 + end.leaves.reshape(-1, TRIES).sum(axis=1)) / (1.0 + TRIES)
+    area = np.full(LIGHTS, (NARROW * width) ** 2)
+    lights = Vpls(at + world.scene.origin, facing, sent / share[:, None], area)
+    parts = [np.repeat(one, PARTS, axis=0) for one in (lights.position, facing, lights.flux / PARTS, area / PARTS)]
+    return replace(lights, parts=Vpls(*parts))
 
 
-def joined(*some: Surfels) -> Surfels:
-    """Return surfels one after the other."""
-    names = [name for name in some[0].__dataclass_fields__ if name != "origin"]
-    return Surfels(origin=some[0].origin, **{n: np.concatenate([getattr(one, n) for one in some]) for n in names})
+class _End(NamedTuple):
+    """Where rays end.
+
+    Attributes:
+        position: [n, 3] of their ends.
+        triangle, facing: there, and its normal [n, 3] on their side.
+        stays: [n] whether that is in a gap.
+        leaves: [n] whether they came out of one; rays that do neither end.
+    """
+
+    position: Doubles
+    triangle: NDArray[np.int32]
+    facing: Doubles
+    stays: Flags
+    leaves: Flags
 
 
-def _met(points: SurfelPoints, ways: NDArray[np.float32], reach: float) -> tuple[NDArray[np.int32], Doubles]:
-    """Return triangles [rays, parts] that rays meet first, -1 for none, and the part of the way there."""
-    runtime, scene, stride = points.runtime, points.scene, len(points)
-    bvh = scene_bvh(scene, runtime)
-    met, where = runtime.empty(len(ways) * stride, np.int32), runtime.empty(len(ways) * stride, np.float32)
-    runtime.kernel("radiosity/radiosity_met.cl").run(
-        (1, stride),
-        points=points.array,
-        ways=runtime.array(ways),
-        nodes=bvh.nodes,
-        triangles=bvh.triangles,
-        met=met,
-        where=where,
-        rays=len(ways),
-        lift=LIFT * float(np.linalg.norm(np.ptp(scene.bounds, axis=0))),
-        reach=reach,
-    )
-    found, at = (one.download().reshape(-1, stride)[:, : points.count] for one in (met, where))
-    return found, at.astype(np.float64)
+class _Rays:
+    """Rays against the triangles of a scene from places relative to its origin."""
 
+    def __init__(self, runtime: Runtime, scene: Scene) -> None:
+        self.runtime, self.scene = runtime, scene
+        self.diagonal = max(float(np.linalg.norm(np.ptp(scene.bounds, axis=0))), 1e-30)
+        self.lift = LIFT * self.diagonal
+        self._bvh = scene_bvh(scene, runtime)
+        self._ways = runtime.array(AHEAD)
 
-def _blocked(points: SurfelPoints, position: Doubles, normal: Doubles, reach: float) -> NDArray[np.bool_]:
-    """Return whether a triangle is in front of places [n, 3], relative to the origin of surfels, within a reach."""
-    runtime, scene, count = points.runtime, points.scene, len(position)
-    stride = max(-(-count // ROW) * ROW, ROW)
-    rows = np.zeros((9, stride), np.float32)
-    rows[5] = 1.0
-    rows[:3, :count], rows[3:6, :count] = (position + points.surfels.origin - scene.origin).T, normal.T
-    bvh, far = scene_bvh(scene, runtime), runtime.empty(stride, np.float32)
-    runtime.kernel("radiosity/radiosity_room.cl").run(
-        (1, stride),
-        points=runtime.array(rows),
-        ways=runtime.array(_ahead()),
-        nodes=bvh.nodes,
-        triangles=bvh.triangles,
-        far=far,
-        rays=1,
-        lift=LIFT * float(np.linalg.norm(np.ptp(scene.bounds, axis=0))),
-        reach=reach,
-    )
-    return far.download()[:count] == 0.0
+    def met(self, position: Doubles, way: Doubles) -> tuple[NDArray[np.int32], Doubles]:
+        """Return the triangles that rays meet first, -1 for none, and how far away."""
+        reach = REACH * self.diagonal
+        met, where = self._run("radiosity/radiosity_met.cl", position, way, 0.0, reach, met=np.int32, where=np.float32)
+        return met, where.astype(np.float64) * reach
 
+    def blocked(self, position: Doubles, normal: Doubles, reach: float, lift: float | None = None) -> Flags:
+        """Return whether a triangle is in front of places, by default of surfaces, within a reach."""
+        above = self.lift if lift is None else lift
+        (far,) = self._run("radiosity/radiosity_room.cl", position, normal, above, reach, far=np.float32)
+        blocked: Flags = far == 0.0
+        return blocked
 
-def _ahead() -> NDArray[np.float32]:
-    ways = np.zeros((1, 3, TILE * TILE), np.float32)
-    ways[0, 2] = 1.0
-    return ways
+    def followed(
+        self,
+        position: Doubles,
+        normal: Doubles,
+        way: Doubles,
+        covered: Flags,
+        width: float,
+        is_lit: Callable[[Doubles], Flags],
+    ) -> _End:
+        """Follow rays from places on surfaces, which lie in gaps if they are `covered` [n]."""
+        triangle, distance = self.met(position + self.lift * normal, way)
+        met = triangle >= 0
+        end, facing = position + (self.lift * normal + way * distance[:, None]), _facing(self.scene, triangle, way)
+        stays = met.copy()
+        stays[met] = self.blocked(end[met], facing[met], width)
+        # Others leave if somewhere nothing is as near to both sides; where nothing was in front, through air.
+        others = np.flatnonzero(met & ~stays)
+        along = np.minimum(STEPS * width, 0.99 * distance[others, None])
+        places = (position[others, None] + along[..., None] * way[others, None]).reshape(-1, 3)
+        sides = np.repeat(normal[others], len(STEPS), axis=0)
+        gap = np.repeat(covered[others], len(STEPS))
+        outside = np.zeros(len(places), np.bool_)
+        outside[~gap] = is_lit(places[~gap] + self.scene.origin)
+        gap = np.flatnonzero(gap)
+        held = self.blocked(places[gap], sides[gap], width, 0.0)
+        held[held] = self.blocked(places[gap[held]], -sides[gap[held]], width, 0.0)
+        outside[gap] = ~held
+        leaves = np.zeros(len(met), np.bool_)
+        leaves[others] = outside.reshape(along.shape).any(axis=1)
+        return _End(end, triangle, facing, stays, leaves)
 
-
-def _turned(ways: NDArray[np.float32], normal: Doubles) -> Doubles:
-    """Return [n, rays, 3] directions [rays, 3, n] about normals [n, 3], as kernels/rays/hemisphere.clh has them."""
-    nx, ny, nz = normal.T
-    sign = np.where(nz > -0.5, 1.0, -1.0)
-    a = -1.0 / (sign + nz)
-    b = nx * ny * a
-    u = np.stack([sign * nx * nx * a + 1.0, sign * b, -sign * nx], axis=1)
-    v = np.stack([b, ny * ny * a + sign, -ny], axis=1)
-    p, q, r = (ways[:, i].T[..., None].astype(np.float64) for i in range(3))
-    turned: Doubles = p * u[:, None] + q * v[:, None] + r * normal[:, None]
-    return turned
+    def _run(self, name: str, position: Doubles, way: Doubles, lift: float, reach: float, **out: type) -> list:
+        count = len(position)
+        stride = max(-(-count // ROW) * ROW, ROW)
+        rows = np.zeros((9, stride), np.float32)
+        rows[5] = 1.0
+        rows[:3, :count], rows[3:6, :count] = position.T, way.T
+        arrays = {key: self.runtime.empty(stride, kind) for key, kind in out.items()}
+        self.runtime.kernel(name).run(
+            (1, stride),
+            points=self.runtime.array(rows),
+            ways=self._ways,
+            nodes=self._bvh.nodes,
+            triangles=self._bvh.triangles,
+            **arrays,
+            rays=1,
+            lift=lift,
+            reach=reach,
+        )
+        return [array.download()[:count] for array in arrays.values()]

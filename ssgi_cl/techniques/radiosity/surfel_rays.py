@@ -14,7 +14,7 @@ from ssgi_cl.core.hemisphere import TILE, hemisphere_ways
 from ssgi_cl.core.lights import DirectionalLight, PunctualLight, SpotLight, light_extent
 from ssgi_cl.core.sampling import r_points
 from ssgi_cl.core.scene import Scene, mean_emission
-from ssgi_cl.core.vpls import LUMINANCE
+from ssgi_cl.core.vpls import LUMINANCE, Vpls
 from ssgi_cl.device.arrays import DeviceArray
 from ssgi_cl.device.constants import DIRECT_LIGHT
 from ssgi_cl.device.runtime import Runtime
@@ -35,6 +35,8 @@ NO_CONE = -2.0
 """Cosine that every direction exceeds."""
 ROW = 64
 """Points in whose multiples rows lie."""
+AHEAD = np.repeat(np.array([0.0, 0.0, 1.0], np.float32), TILE * TILE).reshape(1, 3, TILE * TILE)
+"""One ray along the normal, in the form of `hemisphere_ways`."""
 
 
 def _diagonal(scene: Scene) -> float:
@@ -59,6 +61,22 @@ class Sources:
     exitance: Doubles
     shown: Doubles
     emits: NDArray[np.bool_]
+
+    @classmethod
+    def joined(
+        cls, position: Doubles, normal: Doubles, area: Doubles, exitance: Doubles, shown: Doubles, lights: Vpls
+    ) -> Sources:
+        """Return places of emissive surfaces, then the parts of lights."""
+        parts = lights.parts
+        assert parts is not None  # noqa: S101  they have some
+        return cls(
+            np.concatenate([position, parts.position]),
+            np.concatenate([normal, parts.normal]),
+            np.concatenate([area, parts.area]),
+            np.concatenate([exitance, parts.flux / parts.area[:, None]]),
+            np.concatenate([shown, np.ones(len(parts))]),
+            np.arange(len(area) + len(parts)) < len(area),
+        )
 
 
 class SurfelPoints:

@@ -17,7 +17,7 @@ from ssgi_cl.rasterize.raster.scene_bvh import scene_bvh
 from ssgi_cl.techniques.occupancy.scene_rays import LIFT
 from ssgi_cl.techniques.radiosity.light_volume import CELLS
 from ssgi_cl.techniques.radiosity.surfel_rays import AHEAD, REACH, ROW, Sources
-from ssgi_cl.techniques.radiosity.surfels import Surfels, curve_numbers
+from ssgi_cl.techniques.radiosity.surfels import Surfels, _axis, curve_numbers
 
 Doubles = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -30,12 +30,14 @@ MOST_SOURCES = 1024
 """Places that stand for such surfaces."""
 LIGHTS = 64
 """Lights in gaps."""
-TRIES = 64
+TRIES = 256
 """Rays by which it is known which share of a light leaves."""
 NARROW = 0.1
 """Side of a light's square, in widths of a gap."""
 STEPS = 0.125 * 1.5 ** np.arange(10)
 """Widths of a gap along a ray at which it is looked whether it has left."""
+NEAR = 4.0
+"""Widths of a gap from where light leaves it within which paths tell where it arrives, beyond which lights do."""
 SEED = 11
 
 
@@ -86,13 +88,16 @@ def openings(
     random = np.random.default_rng(SEED)
     flux, albedo = math.pi * area[:, None] * emission, _albedo(scene)
     shown = np.zeros(len(chosen))
-    left: list[tuple[Doubles, Doubles, Doubles]] = []
+    left: list[tuple[Doubles, ...]] = []
     lit: list[Doubles] = []
     for number in range(BOUNCES):
         way = _scattered(normal, random)
         end = world.followed(position, normal, way, covered, width, is_lit)
         if number:
-            left.append((position[end.leaves], normal[end.leaves], flux[end.leaves]))
+            out = end.leaves
+            length = np.linalg.norm(end.position[out] - position[out], axis=1)
+            ends = end.position[out], end.facing[out], np.where(length < NEAR * width, 1.0, 0.0)[:, None] * flux[out]
+            left.append((position[out], normal[out], flux[out], *ends))
         else:
             shown[end.leaves] = 1.0
         lit.append(end.position[end.stays])
@@ -104,9 +109,10 @@ def openings(
             break
         position, normal, covered = end.position[on], end.facing[on], np.ones(len(on), np.bool_)
         flux = flux[on] * (share[on] / lasts[on, None])
-    places = [np.concatenate([one[i] for one in left]) for i in range(3)] if left else [np.zeros((0, 3))] * 3
-    lights = _lights(world, places, width, is_lit, random)
+    places = [np.concatenate([one[i] for one in left]) for i in range(6)] if left else [np.zeros((0, 3))] * 6
+    lights = _lights(world, places[:3], width, is_lit, random)
     within = _within(world, surfels, np.concatenate(lit), width)
+    received = _received(world, surfels, within, *places[3:])
     # The share of light that leaves is that of neighbours together.
     share = np.add.reduceat(shown, np.arange(0, len(shown), PARTS)) / PARTS
     shown = np.repeat(share, PARTS)[: len(shown)]
@@ -124,6 +130,8 @@ def openings(
             math.pi * emission[own],
             shown[own],
             lights,
+            NEAR * width,
+            received,
         ),
     )
 
@@ -158,21 +166,53 @@ def _scattered(normal: Doubles, random: np.random.Generator) -> Doubles:
     return way
 
 
+def _cells(scene: Scene, position: Doubles) -> NDArray[np.intp]:
+    """Return numbers of cells of the cube round a scene, of places relative to its origin."""
+    low, high = (bound - scene.origin for bound in scene.bounds)
+    x, y, z = np.clip((position - low) * (CELLS / max(float((high - low).max()), 1e-300)), 0, CELLS - 1).astype(np.intp).T
+    found: NDArray[np.intp] = (z * CELLS + y) * CELLS + x
+    return found
+
+
+def _of_surfels(scene: Scene, surfels: Surfels) -> Doubles:
+    """Return positions of parts relative to the origin of a scene."""
+    found: Doubles = surfels.part_position + (surfels.origin - scene.origin)
+    return found
+
+
 def _within(world: _Rays, surfels: Surfels, lit: Doubles, width: float) -> Flags:
     """Return which parts of surfels lie in a gap, in cells where paths met surfaces in one."""
-    scene = world.scene
-    low, high = (bound - scene.origin for bound in scene.bounds)
-    scale = CELLS / max(float((high - low).max()), 1e-300)
-    there = np.zeros((CELLS,) * 3, np.bool_)
-
-    def cells(position: Doubles) -> tuple[NDArray[np.intp], ...]:
-        return tuple(np.clip((position - low) * scale, 0, CELLS - 1).astype(np.intp).T)
-
-    there[cells(lit)] = True
-    position = surfels.part_position + (surfels.origin - scene.origin)
-    found = there[cells(position)]
+    there, position = np.zeros(CELLS**3, np.bool_), _of_surfels(world.scene, surfels)
+    there[_cells(world.scene, lit)] = True
+    found = there[_cells(world.scene, position)]
     found[found] = world.blocked(position[found], surfels.part_normal[found], width)
     return found
+
+
+def _received(world: _Rays, surfels: Surfels, within: Flags, end: Doubles, facing: Doubles, flux: Doubles) -> Doubles:
+    """Return irradiance [parts, 3] by flux that arrives at surfaces: the same for all parts of a cell that face alike.
+
+    What arrives where no part is goes to all.
+    """
+    scene, received = world.scene, np.zeros((len(surfels.part_area), 3))
+    arrives = np.flatnonzero(flux.any(axis=1))
+    if not len(arrives):
+        return received
+    to = _cells(scene, end[arrives]) * 6 + _axis(facing[arrives])
+    keys, to = np.unique(to, return_inverse=True)
+    own = _cells(scene, _of_surfels(scene, surfels)) * 6
+    there = np.zeros(CELLS**3, np.bool_)
+    there[keys // 6] = True
+    parts = np.flatnonzero(there[own // 6] & ~within)
+    own = own[parts] + _axis(surfels.part_normal[parts])
+    slot = np.minimum(np.searchsorted(keys, own), len(keys) - 1)
+    parts, slot = parts[keys[slot] == own], slot[keys[slot] == own]
+    area = np.bincount(slot, surfels.part_area[parts], len(keys))
+    sums = np.stack([np.bincount(to, one, len(keys)) for one in flux[arrives].T], axis=1)
+    found = sums[area > 0.0].sum(axis=0)
+    raised = np.where(found > 0.0, sums.sum(axis=0) / np.maximum(found, 1e-300), 1.0)
+    received[parts] = (sums / np.where(area > 0.0, area, np.inf)[:, None] * raised)[slot]
+    return received
 
 
 def _lights(

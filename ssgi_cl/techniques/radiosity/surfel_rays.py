@@ -53,6 +53,8 @@ class Sources:
         exitance: [n, 3] W/m^2.
         shown: [n] which share of it leaves the gap that it lies in.
         emits: [n] whether an emissive surface is there, which rays meet.
+        near: distance within which the others give nothing, scene units.
+        received: [parts, 3] what they give to parts of surfels as near to them, W/m^2.
     """
 
     position: Doubles
@@ -61,10 +63,20 @@ class Sources:
     exitance: Doubles
     shown: Doubles
     emits: NDArray[np.bool_]
+    near: float
+    received: Doubles
 
     @classmethod
     def joined(
-        cls, position: Doubles, normal: Doubles, area: Doubles, exitance: Doubles, shown: Doubles, lights: Vpls
+        cls,
+        position: Doubles,
+        normal: Doubles,
+        area: Doubles,
+        exitance: Doubles,
+        shown: Doubles,
+        lights: Vpls,
+        near: float,
+        received: Doubles,
     ) -> Sources:
         """Return places of emissive surfaces, then the parts of lights."""
         parts = lights.parts
@@ -76,6 +88,8 @@ class Sources:
             np.concatenate([exitance, parts.flux / parts.area[:, None]]),
             np.concatenate([shown, np.ones(len(parts))]),
             np.arange(len(area) + len(parts)) < len(area),
+            near,
+            received,
         )
 
 
@@ -245,6 +259,7 @@ class SurfelRays:
         brightest = max(float(glow.max(initial=0.0)), float(surfels.part_emission.max(initial=0.0)), 1e-300)
         # Density with which places are drawn: luminance over the power of all.
         table, weight = self._sending()
+        more = self._points.sources
         power = float(weight.sum())
         emits = power > 0.0
         shines = _emission(glow, brightest, power)[scene.material_ids] if emits else np.zeros(4, np.float32)
@@ -281,8 +296,10 @@ class SurfelRays:
                 count=PLACES,
                 rays=float(RAYS),
                 lift=LIFT * self._unit,
+                near=0.0 if more is None else more.near**2,
             )
-        return self._of_parts() * brightest
+        received = self._of_parts() * brightest
+        return received if more is None else received + more.received
 
     def _sending(self) -> tuple[Doubles, Doubles]:
         """Return radiance and density [n, 4] of places that send light, as the kernel takes them, and the weights with
@@ -298,9 +315,9 @@ class SurfelRays:
         density = radiance @ LUMINANCE / max(float(weight.sum()), 1e-300)
         if more is not None:
             others = np.flatnonzero(~more.emits) + len(surfels.part_area)
-            density[others] = PLACES / area[others]
+            density[others] = -PLACES / area[others]
         drawn = weight / max(float(weight.sum()), 1e-300)
-        gain = np.where(weight > 0.0, area * density / np.where(weight > 0.0, drawn, 1.0), 0.0)
+        gain = np.where(weight > 0.0, area * np.abs(density) / np.where(weight > 0.0, drawn, 1.0), 0.0)
         table = np.column_stack([radiance * gain[:, None], density])
         return table, weight
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.scene import Scene, mean_color
-from ssgi_cl.core.vpls import LUMINANCE, PARTS, Vpls, cut_evenly
+from ssgi_cl.core.vpls import LUMINANCE, PARTS, Vpls
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.raster.scene_bvh import scene_bvh
 from ssgi_cl.techniques.occupancy.scene_rays import LIFT
@@ -28,12 +28,14 @@ BOUNCES = 40
 """Of a path, at most."""
 MOST_SOURCES = 1024
 """Places that stand for such surfaces."""
-LIGHTS = 64
-"""Lights in gaps."""
-TRIES = 256
-"""Rays by which it is known which share of a light leaves."""
-NARROW = 0.1
-"""Side of a light's square, in widths of a gap."""
+LIGHTS = 16
+"""Lights at openings, at most."""
+TRIES = 64
+"""Rays by which it is known which share of a light goes far."""
+SPREAD = 4
+"""Parts of a light from which these come."""
+LEAST_FAR = 0.05
+"""That share, at least."""
 STEPS = 0.125 * 1.5 ** np.arange(10)
 """Widths of a gap along a ray at which it is looked whether it has left."""
 NEAR = 4.0
@@ -95,9 +97,9 @@ def openings(
         end = world.followed(position, normal, way, covered, width, is_lit)
         if number:
             out = end.leaves
-            length = np.linalg.norm(end.position[out] - position[out], axis=1)
-            ends = end.position[out], end.facing[out], np.where(length < NEAR * width, 1.0, 0.0)[:, None] * flux[out]
-            left.append((position[out], normal[out], flux[out], *ends))
+            across = way[out] - np.einsum("nc,nc->n", way[out], normal[out])[:, None] * normal[out]
+            far = np.linalg.norm(end.position[out] - position[out], axis=1) > NEAR * width
+            left.append((end.exit[out], across, far, end.position[out], end.facing[out], flux[out]))
         else:
             shown[end.leaves] = 1.0
         lit.append(end.position[end.stays])
@@ -109,10 +111,11 @@ def openings(
             break
         position, normal, covered = end.position[on], end.facing[on], np.ones(len(on), np.bool_)
         flux = flux[on] * (share[on] / lasts[on, None])
-    places = [np.concatenate([one[i] for one in left]) for i in range(6)] if left else [np.zeros((0, 3))] * 6
-    lights = _lights(world, places[:3], width, is_lit, random)
+    paths = tuple(np.concatenate(some) for some in zip(*left, strict=True)) if left else ()
+    places = _Left(*paths) if paths else _Left.none()
+    lights = _lights(world, places.chosen(places.far), width, random)
     within = _within(world, surfels, np.concatenate(lit), width)
-    received = _received(world, surfels, within, *places[3:])
+    received = _received(world, surfels, within, places.chosen(~places.far))
     # The share of light that leaves is that of neighbours together.
     share = np.add.reduceat(shown, np.arange(0, len(shown), PARTS)) / PARTS
     shown = np.repeat(share, PARTS)[: len(shown)]
@@ -189,16 +192,15 @@ def _within(world: _Rays, surfels: Surfels, lit: Doubles, width: float) -> Flags
     return found
 
 
-def _received(world: _Rays, surfels: Surfels, within: Flags, end: Doubles, facing: Doubles, flux: Doubles) -> Doubles:
+def _received(world: _Rays, surfels: Surfels, within: Flags, near: _Left) -> Doubles:
     """Return irradiance [parts, 3] by flux that arrives at surfaces: the same for all parts of a cell that face alike.
 
     What arrives where no part is goes to all.
     """
     scene, received = world.scene, np.zeros((len(surfels.part_area), 3))
-    arrives = np.flatnonzero(flux.any(axis=1))
-    if not len(arrives):
+    if not len(near.flux):
         return received
-    to = _cells(scene, end[arrives]) * 6 + _axis(facing[arrives])
+    to = _cells(scene, near.end) * 6 + _axis(near.facing)
     keys, to = np.unique(to, return_inverse=True)
     own = _cells(scene, _of_surfels(scene, surfels)) * 6
     there = np.zeros(CELLS**3, np.bool_)
@@ -208,37 +210,66 @@ def _received(world: _Rays, surfels: Surfels, within: Flags, end: Doubles, facin
     slot = np.minimum(np.searchsorted(keys, own), len(keys) - 1)
     parts, slot = parts[keys[slot] == own], slot[keys[slot] == own]
     area = np.bincount(slot, surfels.part_area[parts], len(keys))
-    sums = np.stack([np.bincount(to, one, len(keys)) for one in flux[arrives].T], axis=1)
+    sums = np.stack([np.bincount(to, one, len(keys)) for one in near.flux.T], axis=1)
     found = sums[area > 0.0].sum(axis=0)
     raised = np.where(found > 0.0, sums.sum(axis=0) / np.maximum(found, 1e-300), 1.0)
     received[parts] = (sums / np.where(area > 0.0, area, np.inf)[:, None] * raised)[slot]
     return received
 
 
-def _lights(
-    world: _Rays, places: list[Doubles], width: float, is_lit: Callable[[Doubles], Flags], random: np.random.Generator
-) -> Vpls:
-    """Return lights at some of the places from which light leaves gaps, which send as much to outside as all.
+class _Left(NamedTuple):
+    """Paths that left gaps: where, their way across the surfaces at its sides, whether they went far, where they then
+    arrived, the normal there, and their flux."""
 
-    Args:
-        places: positions, normals and the flux that leaves, [n, 3] each.
-    """
-    position, normal, flux = places
-    bright = flux @ LUMINANCE
+    exit: Doubles
+    across: Doubles
+    far: Flags
+    end: Doubles
+    facing: Doubles
+    flux: Doubles
+
+    @classmethod
+    def none(cls) -> _Left:
+        """Return no path."""
+        rows = np.zeros((0, 3))
+        return cls(rows, rows, np.zeros(0, np.bool_), rows, rows, rows)
+
+    def chosen(self, which: Flags) -> _Left:
+        """Return some."""
+        return _Left(*(one[which] for one in self))
+
+
+def _lights(world: _Rays, paths: _Left, width: float, random: np.random.Generator) -> Vpls:
+    """Return lights at openings, of which as much goes far as along paths: each stands for neighbours."""
+    bright = paths.flux @ LUMINANCE
     if not bright.any():
         none = np.zeros((0, 3))
         return Vpls(none, none, none, np.zeros(0), Vpls(none, none, none, np.zeros(0)))
-    order = np.argsort(curve_numbers(position, position.min(axis=0), position.max(axis=0)), kind="stable")
-    middle, sent, _ = cut_evenly(np.vstack([flux[order].T, bright[order]]), LIGHTS)
-    at, facing = position[order[middle]], normal[order[middle]]
-    # What leaves is a share of what each sends, as its gap hides the rest.
-    many = [np.repeat(one, TRIES, axis=0) for one in (at, facing)]
-    end = world.followed(*many, _scattered(many[1], random), np.ones(len(many[0]), np.bool_), width, is_lit)
-    share = (1.0 + end.leaves.reshape(-1, TRIES).sum(axis=1)) / (1.0 + TRIES)
-    area = np.full(LIGHTS, (NARROW * width) ** 2)
-    lights = Vpls(at + world.scene.origin, facing, sent / share[:, None], area)
-    parts = [np.repeat(one, PARTS, axis=0) for one in (lights.position, facing, lights.flux / PARTS, area / PARTS)]
-    return replace(lights, parts=Vpls(*parts))
+    low, high = paths.exit.min(axis=0), paths.exit.max(axis=0)
+    order = np.argsort(curve_numbers(paths.exit, low, high), kind="stable")
+    paths, bright = _Left(*(one[order] for one in paths)), bright[order]
+    count = max(min(LIGHTS, len(order) // PARTS), 1)
+    number = np.arange(len(order)) * count * PARTS // len(order)
+
+    def mean(group: NDArray[np.intp], groups: int) -> tuple[Doubles, Doubles, Doubles]:
+        def total(values: Doubles) -> Doubles:
+            return np.stack([np.bincount(group, one, groups) for one in values.T], axis=1)
+
+        weight = np.maximum(np.bincount(group, bright, groups), 1e-300)[:, None]
+        normal = total(paths.across * bright[:, None])
+        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+        return total(paths.exit * bright[:, None]) / weight, normal, total(paths.flux)
+
+    (at, normal, flux), (places, _, parts) = mean(number // PARTS, count), mean(number, count * PARTS)
+    # A part that no path is of lies with its light.
+    places = np.where(parts.any(axis=1)[:, None], places, np.repeat(at, PARTS, axis=0))
+    many = np.repeat(normal, TRIES, axis=0)
+    _, distance = world.met(np.repeat(places[:: PARTS // SPREAD], TRIES // SPREAD, axis=0), _scattered(many, random))
+    share = np.maximum((distance > NEAR * width).reshape(-1, TRIES).mean(axis=1), LEAST_FAR)
+    area = np.full(count, width * width)
+    of_parts = places, np.repeat(normal, PARTS, axis=0), parts / np.repeat(share, PARTS)[:, None]
+    few = Vpls(*(one if i != 0 else one + world.scene.origin for i, one in enumerate(of_parts)), np.repeat(area / PARTS, PARTS))
+    return Vpls(at + world.scene.origin, normal, flux / share[:, None], area, few)
 
 
 class _End(NamedTuple):
@@ -249,6 +280,7 @@ class _End(NamedTuple):
         triangle, facing: there, and its normal [n, 3] on their side.
         stays: [n] whether that is in a gap.
         leaves: [n] whether they came out of one; rays that do neither end.
+        exit: [n, 3] where these did.
     """
 
     position: Doubles
@@ -256,6 +288,7 @@ class _End(NamedTuple):
     facing: Doubles
     stays: Flags
     leaves: Flags
+    exit: Doubles
 
 
 class _Rays:
@@ -309,8 +342,11 @@ class _Rays:
         held[held] = self.blocked(places[gap[held]], -sides[gap[held]], width, 0.0)
         outside[gap] = ~held
         leaves = np.zeros(len(met), np.bool_)
-        leaves[others] = outside.reshape(along.shape).any(axis=1)
-        return _End(end, triangle, facing, stays, leaves)
+        outside = outside.reshape(along.shape)
+        leaves[others] = outside.any(axis=1)
+        left = end.copy()
+        left[others] = places.reshape(*along.shape, 3)[np.arange(len(others)), outside.argmax(axis=1)]
+        return _End(end, triangle, facing, stays, leaves, left)
 
     def _run(self, name: str, position: Doubles, way: Doubles, lift: float, reach: float, **out: type) -> list:
         count = len(position)

@@ -26,6 +26,8 @@ PATHS = 1 << 14
 """From emissive surfaces without room in front of them."""
 BOUNCES = 40
 """Of a path, at most."""
+FEW = 0.01
+"""Of the paths: with fewer left they end."""
 MOST_SOURCES = 1024
 """Places that stand for such surfaces."""
 LIGHTS = 16
@@ -86,36 +88,35 @@ def openings(
     shift = narrow.origin - scene.origin
     position, normal = narrow.part_position[chosen] + shift, narrow.part_normal[chosen]
     emission = narrow.part_emission[chosen]
-    covered = world.blocked(position, normal, width)
     random = np.random.default_rng(SEED)
     flux, albedo = math.pi * area[:, None] * emission, _albedo(scene)
-    shown = np.zeros(len(chosen))
-    left: list[tuple[Doubles, ...]] = []
+    gone: list[_Gone] = []
     lit: list[Doubles] = []
     for number in range(BOUNCES):
         way = _scattered(normal, random)
-        end = world.followed(position, normal, way, covered, width, is_lit)
-        if number:
-            out = end.leaves
-            across = way[out] - np.einsum("nc,nc->n", way[out], normal[out])[:, None] * normal[out]
-            far = np.linalg.norm(end.position[out] - position[out], axis=1) > NEAR * width
-            left.append((end.exit[out], across, far, end.position[out], end.facing[out], flux[out]))
-        else:
-            shown[end.leaves] = 1.0
-        lit.append(end.position[end.stays])
+        triangle, end, facing = world.met(position + world.lift * normal, way)
+        met = triangle >= 0
+        stays = met.copy()
+        stays[met] = world.blocked(end[met], facing[met], width)
+        out = np.flatnonzero(met & ~stays)
+        gone.append(_Gone(np.where(number, -1, out), position[out], normal[out], way[out], end[out], facing[out], flux[out]))
+        lit.append(end[stays])
         # A path goes on with the probability of its brightest channel.
-        share = albedo[end.triangle]
+        share = albedo[triangle]
         lasts = share.max(axis=1)
-        on = np.flatnonzero(end.stays & (random.random(len(lasts)) < lasts))
-        if not len(on):
+        on = np.flatnonzero(stays & (random.random(len(lasts)) < lasts))
+        if len(on) < FEW * len(chosen):
             break
-        position, normal, covered = end.position[on], end.facing[on], np.ones(len(on), np.bool_)
+        position, normal = end[on], facing[on]
         flux = flux[on] * (share[on] / lasts[on, None])
-    paths = tuple(np.concatenate(some) for some in zip(*left, strict=True)) if left else ()
-    places = _Left(*paths) if paths else _Left.none()
-    lights = _lights(world, places.chosen(places.far), width, random)
+    left = world.left(_Gone(*map(np.concatenate, zip(*gone, strict=True))), width, is_lit)
+    shown = np.zeros(len(chosen))
+    shown[left.first[left.first >= 0]] = 1.0
+    reflected = left.chosen(left.first < 0)
+    far = np.linalg.norm(reflected.end - reflected.position, axis=1) > NEAR * width
+    lights = _lights(world, reflected.chosen(far), width, random)
     within = _within(world, surfels, np.concatenate(lit), width)
-    received = _received(world, surfels, within, places.chosen(~places.far))
+    received = _received(world, surfels, within, reflected.chosen(~far))
     # The share of light that leaves is that of neighbours together.
     share = np.add.reduceat(shown, np.arange(0, len(shown), PARTS)) / PARTS
     shown = np.repeat(share, PARTS)[: len(shown)]
@@ -192,7 +193,7 @@ def _within(world: _Rays, surfels: Surfels, lit: Doubles, width: float) -> Flags
     return found
 
 
-def _received(world: _Rays, surfels: Surfels, within: Flags, near: _Left) -> Doubles:
+def _received(world: _Rays, surfels: Surfels, within: Flags, near: _Gone) -> Doubles:
     """Return irradiance [parts, 3] by flux that arrives at surfaces: the same for all parts of a cell that face alike.
 
     What arrives where no part is goes to all.
@@ -217,37 +218,39 @@ def _received(world: _Rays, surfels: Surfels, within: Flags, near: _Left) -> Dou
     return received
 
 
-class _Left(NamedTuple):
-    """Paths that left gaps: where, their way across the surfaces at its sides, whether they went far, where they then
-    arrived, the normal there, and their flux."""
+class _Gone(NamedTuple):
+    """Paths at the end of which no gap is.
 
-    exit: Doubles
-    across: Doubles
-    far: Flags
+    Attributes:
+        first: [n] from which emissive place they come straight, -1 for others.
+        position, normal: [n, 3] of the surface that they come from last.
+        way: [n, 3] that they go then.
+        end, facing: [n, 3] where that ends, and the normal there.
+        flux: [n, 3] W.
+    """
+
+    first: NDArray[np.intp]
+    position: Doubles
+    normal: Doubles
+    way: Doubles
     end: Doubles
     facing: Doubles
     flux: Doubles
 
-    @classmethod
-    def none(cls) -> _Left:
-        """Return no path."""
-        rows = np.zeros((0, 3))
-        return cls(rows, rows, np.zeros(0, np.bool_), rows, rows, rows)
-
-    def chosen(self, which: Flags) -> _Left:
+    def chosen(self, which: Flags | NDArray[np.intp]) -> _Gone:
         """Return some."""
-        return _Left(*(one[which] for one in self))
+        return _Gone(*(one[which] for one in self))
 
 
-def _lights(world: _Rays, paths: _Left, width: float, random: np.random.Generator) -> Vpls:
+def _lights(world: _Rays, paths: _Gone, width: float, random: np.random.Generator) -> Vpls:
     """Return lights at openings, of which as much goes far as along paths: each stands for neighbours."""
     bright = paths.flux @ LUMINANCE
     if not bright.any():
         none = np.zeros((0, 3))
         return Vpls(none, none, none, np.zeros(0), Vpls(none, none, none, np.zeros(0)))
-    low, high = paths.exit.min(axis=0), paths.exit.max(axis=0)
-    order = np.argsort(curve_numbers(paths.exit, low, high), kind="stable")
-    paths, bright = _Left(*(one[order] for one in paths)), bright[order]
+    order = np.argsort(curve_numbers(paths.position, *_box(paths.position)), kind="stable")
+    paths, bright = paths.chosen(order), bright[order]
+    across = paths.way - np.einsum("nc,nc->n", paths.way, paths.normal)[:, None] * paths.normal
     count = max(min(LIGHTS, len(order) // PARTS), 1)
     number = np.arange(len(order)) * count * PARTS // len(order)
 
@@ -256,39 +259,25 @@ def _lights(world: _Rays, paths: _Left, width: float, random: np.random.Generato
             return np.stack([np.bincount(group, one, groups) for one in values.T], axis=1)
 
         weight = np.maximum(np.bincount(group, bright, groups), 1e-300)[:, None]
-        normal = total(paths.across * bright[:, None])
+        normal = total(across * bright[:, None])
         normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
-        return total(paths.exit * bright[:, None]) / weight, normal, total(paths.flux)
+        return total(paths.position * bright[:, None]) / weight, normal, total(paths.flux)
 
     (at, normal, flux), (places, _, parts) = mean(number // PARTS, count), mean(number, count * PARTS)
     # A part that no path is of lies with its light.
     places = np.where(parts.any(axis=1)[:, None], places, np.repeat(at, PARTS, axis=0))
     many = np.repeat(normal, TRIES, axis=0)
-    _, distance = world.met(np.repeat(places[:: PARTS // SPREAD], TRIES // SPREAD, axis=0), _scattered(many, random))
-    share = np.maximum((distance > NEAR * width).reshape(-1, TRIES).mean(axis=1), LEAST_FAR)
+    start = np.repeat(places[:: PARTS // SPREAD], TRIES // SPREAD, axis=0)
+    _, end, _ = world.met(start, _scattered(many, random))
+    share = np.maximum((np.linalg.norm(end - start, axis=1) > NEAR * width).reshape(-1, TRIES).mean(axis=1), LEAST_FAR)
     area = np.full(count, width * width)
     of_parts = places, np.repeat(normal, PARTS, axis=0), parts / np.repeat(share, PARTS)[:, None]
     few = Vpls(*(one if i != 0 else one + world.scene.origin for i, one in enumerate(of_parts)), np.repeat(area / PARTS, PARTS))
     return Vpls(at + world.scene.origin, normal, flux / share[:, None], area, few)
 
 
-class _End(NamedTuple):
-    """Where rays end.
-
-    Attributes:
-        position: [n, 3] of their ends.
-        triangle, facing: there, and its normal [n, 3] on their side.
-        stays: [n] whether that is in a gap.
-        leaves: [n] whether they came out of one; rays that do neither end.
-        exit: [n, 3] where these did.
-    """
-
-    position: Doubles
-    triangle: NDArray[np.int32]
-    facing: Doubles
-    stays: Flags
-    leaves: Flags
-    exit: Doubles
+def _box(places: Doubles) -> tuple[Doubles, Doubles]:
+    return places.min(axis=0), places.max(axis=0)
 
 
 class _Rays:
@@ -301,11 +290,11 @@ class _Rays:
         self._bvh = scene_bvh(scene, runtime)
         self._ways = runtime.array(AHEAD)
 
-    def met(self, position: Doubles, way: Doubles) -> tuple[NDArray[np.int32], Doubles]:
-        """Return the triangles that rays meet first, -1 for none, and how far away."""
+    def met(self, position: Doubles, way: Doubles) -> tuple[NDArray[np.int32], Doubles, Doubles]:
+        """Return the triangles that rays meet first, -1 for none, where, and their normals on that side."""
         reach = REACH * self.diagonal
         met, where = self._run("radiosity/radiosity_met.cl", position, way, 0.0, reach, met=np.int32, where=np.float32)
-        return met, where.astype(np.float64) * reach
+        return met, position + way * (where[:, None] * reach), _facing(self.scene, met, way)
 
     def blocked(self, position: Doubles, normal: Doubles, reach: float, lift: float | None = None) -> Flags:
         """Return whether a triangle is in front of places, by default of surfaces, within a reach."""
@@ -314,39 +303,24 @@ class _Rays:
         blocked: Flags = far == 0.0
         return blocked
 
-    def followed(
-        self,
-        position: Doubles,
-        normal: Doubles,
-        way: Doubles,
-        covered: Flags,
-        width: float,
-        is_lit: Callable[[Doubles], Flags],
-    ) -> _End:
-        """Follow rays from places on surfaces, which lie in gaps if they are `covered` [n]."""
-        triangle, distance = self.met(position + self.lift * normal, way)
-        met = triangle >= 0
-        end, facing = position + (self.lift * normal + way * distance[:, None]), _facing(self.scene, triangle, way)
-        stays = met.copy()
-        stays[met] = self.blocked(end[met], facing[met], width)
-        # Others leave if somewhere nothing is as near to both sides; where nothing was in front, through air.
-        others = np.flatnonzero(met & ~stays)
-        along = np.minimum(STEPS * width, 0.99 * distance[others, None])
-        places = (position[others, None] + along[..., None] * way[others, None]).reshape(-1, 3)
-        sides = np.repeat(normal[others], len(STEPS), axis=0)
-        gap = np.repeat(covered[others], len(STEPS))
-        outside = np.zeros(len(places), np.bool_)
-        outside[~gap] = is_lit(places[~gap] + self.scene.origin)
-        gap = np.flatnonzero(gap)
-        held = self.blocked(places[gap], sides[gap], width, 0.0)
-        held[held] = self.blocked(places[gap[held]], -sides[gap[held]], width, 0.0)
-        outside[gap] = ~held
-        leaves = np.zeros(len(met), np.bool_)
-        outside = outside.reshape(along.shape)
-        leaves[others] = outside.any(axis=1)
-        left = end.copy()
-        left[others] = places.reshape(*along.shape, 3)[np.arange(len(others)), outside.argmax(axis=1)]
-        return _End(end, triangle, facing, stays, leaves, left)
+    def left(self, paths: _Gone, width: float, is_lit: Callable[[Doubles], Flags]) -> _Gone:
+        """Return the paths that came out of a gap, their positions where they did.
+
+        That is where nothing is as near to both sides. Where nothing was in front of a surface itself, it is in air.
+        """
+        start = paths.position + self.lift * paths.normal
+        length = np.linalg.norm(paths.end - start, axis=1)
+        along = np.minimum(STEPS * width, 0.99 * length[:, None])
+        places = start[:, None] + along[..., None] * paths.way[:, None]
+        outside = np.zeros(along.shape, np.bool_)
+        gap = self.blocked(paths.position, paths.normal, width)
+        outside[~gap] = is_lit(places[~gap].reshape(-1, 3) + self.scene.origin).reshape(-1, len(STEPS))
+        flat, sides = places[gap].reshape(-1, 3), np.repeat(paths.normal[gap], len(STEPS), axis=0)
+        held = self.blocked(np.concatenate([flat, flat]), np.concatenate([sides, -sides]), width, 0.0)
+        outside[gap] = ~held.reshape(2, -1, len(STEPS)).all(axis=0)
+        leaves = outside.any(axis=1)
+        exits = places[np.arange(len(outside)), outside.argmax(axis=1)]
+        return paths._replace(position=exits).chosen(leaves)
 
     def _run(self, name: str, position: Doubles, way: Doubles, lift: float, reach: float, **out: type) -> list:
         count = len(position)

@@ -42,6 +42,8 @@ STEPS = 0.125 * 1.5 ** np.arange(10)
 """Widths of a gap along a ray at which it is looked whether it has left."""
 NEAR = 4.0
 """Widths of a gap from where light leaves it within which paths tell where it arrives, beyond which lights do."""
+LEAST_COSINE = 0.25
+"""Of rays that begin as high above their surfaces as others."""
 SEED = 11
 
 
@@ -94,7 +96,7 @@ def openings(
     lit: list[Doubles] = []
     for number in range(BOUNCES):
         way = _scattered(normal, random)
-        triangle, end, facing = world.met(position + world.lift * normal, way)
+        triangle, end, facing = world.met(world.start(position, normal, way), way)
         met = triangle >= 0
         stays = met.copy()
         stays[met] = world.blocked(end[met], facing[met], width)
@@ -296,6 +298,12 @@ class _Rays:
         met, where = self._run("radiosity/radiosity_met.cl", position, way, 0.0, reach, met=np.int32, where=np.float32)
         return met, position + way * (where[:, None] * reach), _facing(self.scene, met, way)
 
+    def start(self, position: Doubles, normal: Doubles, way: Doubles) -> Doubles:
+        """Return places a little along ways from surfaces, which do not narrow what is in front as lifted ones would."""
+        cosine = np.einsum("nc,nc->n", normal, way)[:, None]
+        begun: Doubles = position + way * (self.lift / np.maximum(cosine, LEAST_COSINE))
+        return begun
+
     def blocked(self, position: Doubles, normal: Doubles, reach: float, lift: float | None = None) -> Flags:
         """Return whether a triangle is in front of places, by default of surfaces, within a reach."""
         above = self.lift if lift is None else lift
@@ -308,7 +316,7 @@ class _Rays:
 
         That is where nothing is as near to both sides. Where nothing was in front of a surface itself, it is in air.
         """
-        start = paths.position + self.lift * paths.normal
+        start = self.start(paths.position, paths.normal, paths.way)
         length = np.linalg.norm(paths.end - start, axis=1)
         along = np.minimum(STEPS * width, 0.99 * length[:, None])
         places = start[:, None] + along[..., None] * paths.way[:, None]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from ssgi_cl.rasterize.raster.scene_bvh import scene_bvh
 from ssgi_cl.techniques.occupancy.scene_rays import LIFT
 from ssgi_cl.techniques.radiosity.light_volume import CELLS
 from ssgi_cl.techniques.radiosity.surfel_rays import AHEAD, REACH, ROW, Sources
-from ssgi_cl.techniques.radiosity.surfels import Surfels, _axis, curve_numbers
+from ssgi_cl.techniques.radiosity.surfels import Surfels, curve_numbers, facing_axis
 
 Doubles = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -203,13 +203,13 @@ def _received(world: _Rays, surfels: Surfels, within: Flags, near: _Gone) -> Dou
     scene, received = world.scene, np.zeros((len(surfels.part_area), 3))
     if not len(near.flux):
         return received
-    to = _cells(scene, near.end) * 6 + _axis(near.facing)
+    to = _cells(scene, near.end) * 6 + facing_axis(near.facing)
     keys, to = np.unique(to, return_inverse=True)
     own = _cells(scene, _of_surfels(scene, surfels)) * 6
     there = np.zeros(CELLS**3, np.bool_)
     there[keys // 6] = True
     parts = np.flatnonzero(there[own // 6] & ~within)
-    own = own[parts] + _axis(surfels.part_normal[parts])
+    own = own[parts] + facing_axis(surfels.part_normal[parts])
     slot = np.minimum(np.searchsorted(keys, own), len(keys) - 1)
     parts, slot = parts[keys[slot] == own], slot[keys[slot] == own]
     area = np.bincount(slot, surfels.part_area[parts], len(keys))
@@ -250,36 +250,32 @@ def _lights(world: _Rays, paths: _Gone, width: float, random: np.random.Generato
     if not bright.any():
         none = np.zeros((0, 3))
         return Vpls(none, none, none, np.zeros(0), Vpls(none, none, none, np.zeros(0)))
-    order = np.argsort(curve_numbers(paths.position, *_box(paths.position)), kind="stable")
-    paths, bright = paths.chosen(order), bright[order]
     across = paths.way - np.einsum("nc,nc->n", paths.way, paths.normal)[:, None] * paths.normal
+    low, high = paths.position.min(axis=0), paths.position.max(axis=0)
+    order = np.argsort(curve_numbers(paths.position, low, high), kind="stable")
     count = max(min(LIGHTS, len(order) // PARTS), 1)
-    number = np.arange(len(order)) * count * PARTS // len(order)
+    ends = np.arange(count * PARTS + 1) * len(order) // (count * PARTS)
+    number = np.repeat(np.arange(count * PARTS), np.diff(ends))
+    # Each light and part lies where the path in the middle of its own does.
+    places = paths.position[order[(ends[:-1] + ends[1:]) // 2]]
+    at = places[PARTS // 2 :: PARTS]
 
-    def mean(group: NDArray[np.intp], groups: int) -> tuple[Doubles, Doubles, Doubles]:
-        def total(values: Doubles) -> Doubles:
-            return np.stack([np.bincount(group, one, groups) for one in values.T], axis=1)
+    def sums(values: Doubles, groups: NDArray[np.intp]) -> Doubles:
+        total: Doubles = np.stack([np.bincount(groups, one, groups[-1] + 1) for one in values[order].T], axis=1)
+        return total
 
-        weight = np.maximum(np.bincount(group, bright, groups), 1e-300)[:, None]
-        normal = total(across * bright[:, None])
-        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
-        return total(paths.position * bright[:, None]) / weight, normal, total(paths.flux)
-
-    (at, normal, flux), (places, _, parts) = mean(number // PARTS, count), mean(number, count * PARTS)
-    # A part that no path is of lies with its light.
-    places = np.where(parts.any(axis=1)[:, None], places, np.repeat(at, PARTS, axis=0))
+    flux, parts = sums(paths.flux, number // PARTS), sums(paths.flux, number)
+    parts = np.concatenate([parts, np.zeros((count * PARTS - len(parts), 3))])
+    normal = sums(across * bright[:, None], number // PARTS)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
     many = np.repeat(normal, TRIES, axis=0)
     start = np.repeat(places[:: PARTS // SPREAD], TRIES // SPREAD, axis=0)
     _, end, _ = world.met(start, _scattered(many, random))
     share = np.maximum((np.linalg.norm(end - start, axis=1) > NEAR * width).reshape(-1, TRIES).mean(axis=1), LEAST_FAR)
     area = np.full(count, width * width)
-    of_parts = places, np.repeat(normal, PARTS, axis=0), parts / np.repeat(share, PARTS)[:, None]
-    few = Vpls(*(one if i != 0 else one + world.scene.origin for i, one in enumerate(of_parts)), np.repeat(area / PARTS, PARTS))
-    return Vpls(at + world.scene.origin, normal, flux / share[:, None], area, few)
-
-
-def _box(places: Doubles) -> tuple[Doubles, Doubles]:
-    return places.min(axis=0), places.max(axis=0)
+    origin, each = world.scene.origin, np.repeat(share, PARTS)[:, None]
+    few = Vpls(places + origin, np.repeat(normal, PARTS, axis=0), parts / each, np.repeat(area / PARTS, PARTS))
+    return Vpls(at + origin, normal, flux / share[:, None], area, few)
 
 
 class _Rays:
@@ -330,7 +326,7 @@ class _Rays:
         exits = places[np.arange(len(outside)), outside.argmax(axis=1)]
         return paths._replace(position=exits).chosen(leaves)
 
-    def _run(self, name: str, position: Doubles, way: Doubles, lift: float, reach: float, **out: type) -> list:
+    def _run(self, name: str, position: Doubles, way: Doubles, lift: float, reach: float, **out: type) -> list[Any]:
         count = len(position)
         stride = max(-(-count // ROW) * ROW, ROW)
         rows = np.zeros((9, stride), np.float32)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from typing import NamedTuple, TypedDict, Unpack
 
 import numpy as np
@@ -149,6 +149,7 @@ class Radiosity(Prepared[RadiosityParams]):
         self._maps = DeviceVpls(runtime, -(-params.vpls // 16) * 16)
         self._chooser = VplChooser(runtime, (self._maps,))
         self._rays: SurfelRays | None = None
+        self._lights: Vpls | None = None  # at the openings of gaps
         self._scene: object = None
         self._key: object = None  # of the scene
         self._history = SurfelHistory()
@@ -221,16 +222,17 @@ class Radiosity(Prepared[RadiosityParams]):
         device, exact = self._device, rays_meet_triangles(scene)
         device.fill(scene, self.params.surfels * (BY_RAYS if exact else 1), dark, self._history)
         low, extent = device.camera.position - device.half, 2.0 * device.half
-        self._openings = found = None
+        found = None
         if exact and len(device.surfels):
-            self._openings = found = openings(self.runtime, scene, device.surfels, device.narrow, device.room, lambda at: device.is_lit(at, dark))
+            lit = partial(device.is_lit, dark=dark)
+            found = openings(self.runtime, scene, device.surfels, device.narrow, device.room, lit)
             if found is not None:
-                within = found.within[:, None]
                 # What is in gaps sends its light at their openings.
-                albedo = np.where(within, 0.0, device.surfels.part_albedo)
+                albedo = np.where(found.within[:, None], 0.0, device.surfels.part_albedo)
                 device.surfels = replace(device.surfels, part_albedo=albedo)
         surfels = device.surfels
         pieces = _parts(surfels) if len(surfels) or records is None else self._of_maps(records)[0]
+        self._lights = found.lights if found is not None and len(found.lights) else None
         self._first_by_rays = rays_carry_first_bounce(scene)
         self._rays = points = shown = planes = None
         if exact and len(surfels):
@@ -274,8 +276,8 @@ class Radiosity(Prepared[RadiosityParams]):
             return RadiosityLight(made, volume, None)
         steady = self._history.moves and len(surfels) <= STEADY_LIGHTS * self.params.surfels
         even, bright = even_and_bright(gathered, self._hidden, all_lights=steady)
-        if self._openings is not None and len(self._openings.lights):
-            bright = _both(bright, self._openings.lights)
+        if self._lights is not None:
+            bright = bright.with_more(self._lights)
         few = self._on_device(bright) if len(bright) else None
         return RadiosityLight(made, volume, EvenLight(cells().light(even), few))
 
@@ -378,17 +380,6 @@ def _without(vpls: Vpls, hidden: NDArray[np.bool_]) -> Vpls:
     flux = np.where(hidden[:, None], 0.0, parts.flux)
     left = Vpls(parts.position, parts.normal, flux, parts.area)
     return Vpls(vpls.position, vpls.normal, flux.reshape(-1, PARTS, 3).sum(axis=1), vpls.area, left)
-
-
-def _both(some: Vpls, more: Vpls) -> Vpls:
-    names = "position", "normal", "flux", "area"
-
-    def one(a: Vpls, b: Vpls, parts: Vpls | None) -> Vpls:
-        return Vpls(*(np.concatenate([getattr(a, name), getattr(b, name)]) for name in names), parts)
-
-    assert some.parts is not None  # noqa: S101  both have some
-    assert more.parts is not None  # noqa: S101
-    return one(some, more, one(some.parts, more.parts, None))
 
 
 def _flux(vpls: Vpls) -> Doubles:

@@ -316,9 +316,10 @@ class SurfelRays:
         if more is not None:
             others = np.flatnonzero(~more.emits) + len(surfels.part_area)
             density[others] = -PLACES / area[others]
-        drawn = weight / max(float(weight.sum()), 1e-300)
-        gain = np.where(weight > 0.0, area * np.abs(density) / np.where(weight > 0.0, drawn, 1.0), 0.0)
-        table = np.column_stack([radiance * gain[:, None], density])
+            drawn = weight[len(surfels.part_area) :] / max(float(weight.sum()), 1e-300)
+            gain = np.where(drawn > 0.0, more.area / np.where(drawn > 0.0, drawn, 1.0), 0.0)
+            radiance[len(surfels.part_area) :] *= (gain * np.abs(density[len(surfels.part_area) :]))[:, None]
+        table = np.column_stack([radiance, density])
         return table, weight
 
     def _drawn(self, weight: Doubles) -> NDArray[np.int32]:

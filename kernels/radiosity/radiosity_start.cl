@@ -28,7 +28,7 @@
 #error "ssgi_cl/device/constants.py defines START_BATCH, START_FEW"
 #endif
 
-#define START_TRIES 16    // parts
+#define START_TRIES 6    // parts
 #define START_NEAR 0.02f // of the ray, within which a triangle is the surfel's own
 
 typedef struct {

@@ -22,13 +22,13 @@ from ssgi_cl.techniques.radiosity.surfels import Surfels, curve_numbers, facing_
 Doubles = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-PATHS = 1 << 14
+PATHS = 1 << 13
 """From emissive surfaces without room in front of them."""
 BOUNCES = 40
 """Of a path, at most."""
-FEW = 0.01
+FEW = 0.02
 """Of the paths: with fewer left they end."""
-MOST_SOURCES = 1024
+MOST_SOURCES = 512
 """Places that stand for such surfaces."""
 LIGHTS = 16
 """Lights at openings, at most."""
@@ -38,7 +38,7 @@ SPREAD = 4
 """Parts of a light from which these come."""
 LEAST_FAR = 0.05
 """That share, at least."""
-STEPS = 0.125 * 1.5 ** np.arange(10)
+STEPS = 0.125 * 1.6 ** np.arange(12)
 """Widths of a gap along a ray at which it is looked whether it has left."""
 NEAR = 4.0
 """Widths of a gap from where light leaves it within which paths tell where it arrives, beyond which lights do."""
@@ -75,7 +75,7 @@ def openings(
         runtime: the device.
         scene: without holes.
         surfels: with room in front of them.
-        narrow: those without.
+        narrow: emissive ones without.
         width: of gaps at most, scene units.
         is_lit: returns whether places [n, 3] of world space are in air that light enters.
     """

@@ -62,7 +62,7 @@ class DeviceSurfels:
         camera: at the middle of the scene, along the world's axes: kernels count from there.
         unit: scene units of the length in which they count.
         unlit: those left out as they face spaces that no light enters.
-        narrow: those left out as they have no room in front of them.
+        narrow: emissive ones left out as they have no room in front of them.
     """
 
     surfels: Surfels
@@ -194,7 +194,7 @@ class DeviceSurfels:
         opened = self._seen.download().reshape(4, -1)[3, : len(surfels)]
         starts = self._rows.download().reshape(ROWS, -1)[START_ROWS, : len(surfels)]
         kept = (opened < OPEN) & (part >= 0)
-        self.narrow = surfels.chosen(np.flatnonzero(part < 0))
+        self.narrow = surfels.chosen(np.flatnonzero((part < 0) & surfels.emission.any(axis=1)))
         unlit = kept & np.isin(self._air.at(starts.T), list(dark))
         self.unlit = surfels.chosen(np.flatnonzero(unlit))
         kept &= ~unlit

@@ -88,9 +88,9 @@ def test_what_leaves_a_gap_is_that_of_paths(
     near = float((gaps.sources.received[:, 0] * surfels.part_area).sum()) / emitted
     # Half of what the lights send goes to the ceiling within a hand's breadth, where paths tell what arrives.
     far = 0.5 * float(gaps.lights.flux[:, 0].sum()) / emitted
-    # Some 500 paths leave, a third of which go up: two standard deviations of that.
+    # Some 400 paths leave, 120 of which go up: three standard deviations. A tenth of these go farther.
     assert near + far == pytest.approx(up + down, rel=0.15)
-    assert near == pytest.approx(up, rel=0.25)
+    assert near == pytest.approx(0.9 * up, rel=0.28)
     # Emissive surfaces in the gap are drawn by what of their light leaves it straight.
     own = gaps.sources.emits
     drawn = (gaps.sources.exitance[:, 0] * gaps.sources.area * gaps.sources.shown)[own].sum() / emitted

@@ -22,7 +22,7 @@ from ssgi_cl.techniques.radiosity.surfels import Surfels, curve_numbers, facing_
 Doubles = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-PATHS = 1 << 13
+PATHS = 6000
 """From emissive surfaces without room in front of them."""
 BOUNCES = 40
 """Of a path, at most."""
@@ -82,9 +82,7 @@ def openings(
     emitting = np.flatnonzero(narrow.part_emission.any(axis=1) & (narrow.part_area > 0.0))
     if not len(emitting):
         return None
-    # An odd step: parts of surfels are in order of their distance to the middle.
-    step = -(-len(emitting) // PATHS) | 1
-    chosen = emitting[step // 2 :: step]
+    chosen = emitting[((np.arange(PATHS) + 0.5) * (len(emitting) / PATHS)).astype(np.intp)]
     area = narrow.part_area[chosen] * (narrow.part_area[emitting].sum() / narrow.part_area[chosen].sum())
     world = _Rays(runtime, scene)
     shift = narrow.origin - scene.origin
@@ -123,8 +121,8 @@ def openings(
     share = np.add.reduceat(shown, np.arange(0, len(shown), PARTS)) / PARTS
     shown = np.repeat(share, PARTS)[: len(shown)]
     out = np.flatnonzero(shown)
-    few = -(-len(out) // MOST_SOURCES) | 1
-    own = out[few // 2 :: few]
+    few = min(MOST_SOURCES, len(out))
+    own = out[((np.arange(few) + 0.5) * (len(out) / max(few, 1))).astype(np.intp)]
     scale = area[out].sum() / max(area[own].sum(), 1e-300)
     return Openings(
         lights,

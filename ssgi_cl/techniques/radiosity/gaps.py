@@ -22,7 +22,7 @@ from ssgi_cl.techniques.radiosity.surfels import Surfels, curve_numbers, facing_
 Doubles = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-PATHS = 6000
+PATHS = 4096
 """From emissive surfaces without room in front of them."""
 BOUNCES = 40
 """Of a path, at most."""
@@ -99,7 +99,9 @@ def openings(
         stays = met.copy()
         stays[met] = world.blocked(end[met], facing[met], width)
         out = np.flatnonzero(met & ~stays)
-        gone.append(_Gone(np.where(number, -1, out), position[out], normal[out], way[out], end[out], facing[out], flux[out]))
+        gone.append(
+            _Gone(np.where(number, -1, out), position[out], normal[out], way[out], end[out], facing[out], flux[out])
+        )
         lit.append(end[stays])
         # A path goes on with the probability of its brightest channel.
         share = albedo[triangle]
@@ -115,8 +117,10 @@ def openings(
     reflected = left.chosen(left.first < 0)
     far = np.linalg.norm(reflected.end - reflected.position, axis=1) > NEAR * width
     lights = _lights(world, reflected.chosen(far), width, random)
-    within = _within(world, surfels, np.concatenate(lit), width)
-    received = _received(world, surfels, within, reflected.chosen(~far))
+    place = surfels.part_position + (surfels.origin - scene.origin)
+    cells = _cells(scene, place)
+    within = _within(world, place, surfels.part_normal, cells, np.concatenate(lit), width)
+    received = _received(scene, surfels, cells, within, reflected.chosen(~far))
     # The share of light that leaves is that of neighbours together.
     share = np.add.reduceat(shown, np.arange(0, len(shown), PARTS)) / PARTS
     shown = np.repeat(share, PARTS)[: len(shown)]
@@ -173,41 +177,37 @@ def _scattered(normal: Doubles, random: np.random.Generator) -> Doubles:
 def _cells(scene: Scene, position: Doubles) -> NDArray[np.intp]:
     """Return numbers of cells of the cube round a scene, of places relative to its origin."""
     low, high = (bound - scene.origin for bound in scene.bounds)
-    x, y, z = np.clip((position - low) * (CELLS / max(float((high - low).max()), 1e-300)), 0, CELLS - 1).astype(np.intp).T
+    scale = CELLS / max(float((high - low).max()), 1e-300)
+    x, y, z = np.clip((position - low) * scale, 0, CELLS - 1).astype(np.intp).T
     found: NDArray[np.intp] = (z * CELLS + y) * CELLS + x
     return found
 
 
-def _of_surfels(scene: Scene, surfels: Surfels) -> Doubles:
-    """Return positions of parts relative to the origin of a scene."""
-    found: Doubles = surfels.part_position + (surfels.origin - scene.origin)
-    return found
-
-
-def _within(world: _Rays, surfels: Surfels, lit: Doubles, width: float) -> Flags:
-    """Return which parts of surfels lie in a gap, in cells where paths met surfaces in one."""
-    there, position = np.zeros(CELLS**3, np.bool_), _of_surfels(world.scene, surfels)
+def _within(
+    world: _Rays, position: Doubles, normal: Doubles, cells: NDArray[np.intp], lit: Doubles, width: float
+) -> Flags:
+    """Return which places on surfaces lie in a gap, of those in cells where paths met surfaces in one."""
+    there = np.zeros(CELLS**3, np.bool_)
     there[_cells(world.scene, lit)] = True
-    found = there[_cells(world.scene, position)]
-    found[found] = world.blocked(position[found], surfels.part_normal[found], width)
+    found = there[cells]
+    found[found] = world.blocked(position[found], normal[found], width)
     return found
 
 
-def _received(world: _Rays, surfels: Surfels, within: Flags, near: _Gone) -> Doubles:
+def _received(scene: Scene, surfels: Surfels, cells: NDArray[np.intp], within: Flags, near: _Gone) -> Doubles:
     """Return irradiance [parts, 3] by flux that arrives at surfaces: the same for all parts of a cell that face alike.
 
     What arrives where no part is goes to all.
     """
-    scene, received = world.scene, np.zeros((len(surfels.part_area), 3))
+    received = np.zeros((len(surfels.part_area), 3))
     if not len(near.flux):
         return received
     to = _cells(scene, near.end) * 6 + facing_axis(near.facing)
     keys, to = np.unique(to, return_inverse=True)
-    own = _cells(scene, _of_surfels(scene, surfels)) * 6
     there = np.zeros(CELLS**3, np.bool_)
     there[keys // 6] = True
-    parts = np.flatnonzero(there[own // 6] & ~within)
-    own = own[parts] + facing_axis(surfels.part_normal[parts])
+    parts = np.flatnonzero(there[cells] & ~within)
+    own = cells[parts] * 6 + facing_axis(surfels.part_normal[parts])
     slot = np.minimum(np.searchsorted(keys, own), len(keys) - 1)
     parts, slot = parts[keys[slot] == own], slot[keys[slot] == own]
     area = np.bincount(slot, surfels.part_area[parts], len(keys))
@@ -293,7 +293,7 @@ class _Rays:
         return met, position + way * (where[:, None] * reach), _facing(self.scene, met, way)
 
     def start(self, position: Doubles, normal: Doubles, way: Doubles) -> Doubles:
-        """Return places a little along ways from surfaces, which do not narrow what is in front as lifted ones would."""
+        """Return places a little along ways from surfaces; lifted ones would narrow what is in front."""
         cosine = np.einsum("nc,nc->n", normal, way)[:, None]
         begun: Doubles = position + way * (self.lift / np.maximum(cosine, LEAST_COSINE))
         return begun

@@ -228,7 +228,8 @@ class Radiosity(Prepared[RadiosityParams]):
             found = openings(self.runtime, scene, device.surfels, device.narrow, device.room, lit)
             if found is not None:
                 # What is in gaps sends its light at their openings.
-                albedo = np.where(found.within[:, None], 0.0, device.surfels.part_albedo)
+                albedo = device.surfels.part_albedo.copy()
+                albedo[found.within] = 0.0
                 device.surfels = replace(device.surfels, part_albedo=albedo)
         surfels = device.surfels
         pieces = _parts(surfels) if len(surfels) or records is None else self._of_maps(records)[0]

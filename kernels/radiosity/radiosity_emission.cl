@@ -9,7 +9,7 @@
 //          over that of all surfaces together, in W/m^2 over W, the density with which it is drawn.
 // Reads:   points     see radiosity/points.clh
 //          chosen     [count][size.x] numbers of points that emit
-//          emission   [points][4] radiance; q, negative for places that radiosity_rays knows nothing of
+//          emission   [points][4] radiance; q, negative where radiosity_rays meets nothing
 //          nodes, triangles  see rays/bvh.clh
 // Writes:  irradiance 3 x [size.x]: the light is added
 // Params:  count; rays: of a point that radiosity_rays sends; lift: height above their surfaces at

@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.scene import Scene, mean_color
+from ssgi_cl.core.scene import Scene
+from ssgi_cl.core.srgb import mean_color
 from ssgi_cl.core.vpls import LUMINANCE, PARTS, Vpls
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.raster.scene_bvh import scene_bvh
@@ -239,7 +240,15 @@ class _Gone(NamedTuple):
 
     def chosen(self, which: Flags | NDArray[np.intp]) -> _Gone:
         """Return some."""
-        return _Gone(*(one[which] for one in self))
+        return _Gone(
+            self.first[which],
+            self.position[which],
+            self.normal[which],
+            self.way[which],
+            self.end[which],
+            self.facing[which],
+            self.flux[which],
+        )
 
 
 def _lights(world: _Rays, paths: _Gone, width: float, random: np.random.Generator) -> Vpls:
@@ -320,7 +329,7 @@ class _Rays:
         flat, sides = places[gap].reshape(-1, 3), np.repeat(paths.normal[gap], len(STEPS), axis=0)
         held = self.blocked(np.concatenate([flat, flat]), np.concatenate([sides, -sides]), width, 0.0)
         outside[gap] = ~held.reshape(2, -1, len(STEPS)).all(axis=0)
-        leaves = outside.any(axis=1)
+        leaves: Flags = np.any(outside, axis=1)
         exits = places[np.arange(len(outside)), outside.argmax(axis=1)]
         return paths._replace(position=exits).chosen(leaves)
 
@@ -330,7 +339,7 @@ class _Rays:
         rows = np.zeros((9, stride), np.float32)
         rows[5] = 1.0
         rows[:3, :count], rows[3:6, :count] = position.T, way.T
-        arrays = {key: self.runtime.empty(stride, kind) for key, kind in out.items()}
+        arrays: dict[str, Any] = {key: self.runtime.empty(stride, kind) for key, kind in out.items()}
         self.runtime.kernel(name).run(
             (1, stride),
             points=self.runtime.array(rows),

@@ -9,11 +9,12 @@
 //          over that of all surfaces together, in W/m^2 over W, the density with which it is drawn.
 // Reads:   points     see radiosity/points.clh
 //          chosen     [count][size.x] numbers of points that emit
-//          emission   [points][4] radiance; q
+//          emission   [points][4] radiance; q, negative where radiosity_rays meets nothing
 //          nodes, triangles  see rays/bvh.clh
 // Writes:  irradiance 3 x [size.x]: the light is added
 // Params:  count; rays: of a point that radiosity_rays sends; lift: height above their surfaces at
-//          which rays begin and end
+//          which rays begin and end; near: square of the distance within which places with a
+//          negative q give nothing
 // Launch:  SSGI_LANES points per work-item, one row
 // Cost:    30 operations and a ray for each place
 
@@ -23,7 +24,8 @@ __kernel void
 radiosity_emission(__global const float *restrict points, __global const int *restrict chosen,
                    __global const float *restrict emission, __global const float *restrict nodes,
                    __global const float *restrict triangles, __global float *restrict irradiance,
-                   const int2 size, const int count, const float rays, const float lift)
+                   const int2 size, const int count, const float rays, const float lift,
+                   const float near)
 {
     const int first = ssgi_first_column();
     const int stride = size.x;
@@ -47,11 +49,13 @@ radiosity_emission(__global const float *restrict points, __global const int *re
             continue;
         }
         const RaysRay ray = {at.x, at.y, at.z, wx, wy, wz};
-        const vmask seen = facing & ~rays_blocked(nodes, triangles, ray, facing);
         const vfloat squared = v_fma(wx, wx, v_fma(wy, wy, wz * wz));
+        const vfloat own = v_gather(emission + 3, to * 4);
+        const vmask far = v_ge(own, zero) | v_ge(squared, v_splat(near));
+        const vmask seen = facing & far & ~rays_blocked(nodes, triangles, ray, facing);
         const vfloat per = 1.0f / v_max(squared, v_splat(1e-30f));
         const vfloat factor = received * per * (emitted * per) * 0.318309886f;
-        const vfloat density = v_gather(emission + 3, to * 4) * (float)count;
+        const vfloat density = v_abs(own) * (float)count;
         const vfloat share = v_select(
             zero,
             factor * 3.14159265f / v_max(v_fma(factor, v_splat(rays), density), v_splat(1e-37f)),

@@ -45,6 +45,17 @@ class Vpls:
     def __len__(self) -> int:
         return len(self.area)
 
+    def with_more(self, more: Vpls) -> Vpls:
+        """Return these diffuse lights, then others; with their parts if both have some."""
+        parts = self.parts.with_more(more.parts) if self.parts is not None and more.parts is not None else None
+        return Vpls(
+            np.concatenate([self.position, more.position]),
+            np.concatenate([self.normal, more.normal]),
+            np.concatenate([self.flux, more.flux]),
+            np.concatenate([self.area, more.area]),
+            parts,
+        )
+
     def merged(self, count: int) -> Vpls:
         """Return `count` lights that stand for these, or these if they are no more.
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import cache
+from dataclasses import dataclass, replace
+from functools import cache, partial
 from typing import NamedTuple, TypedDict, Unpack
 
 import numpy as np
@@ -23,6 +23,7 @@ from ssgi_cl.techniques.direct.shadow_maps import checked_lights
 from ssgi_cl.techniques.occupancy.occupancy_grid import GRIDS
 from ssgi_cl.techniques.occupancy.scene_rays import rays_carry_first_bounce, rays_meet_triangles
 from ssgi_cl.techniques.radiosity.even_light import EvenLight, even_and_bright
+from ssgi_cl.techniques.radiosity.gaps import openings
 from ssgi_cl.techniques.radiosity.light_volume import CELLS, LightVolume, Pieces, SurfaceCells
 from ssgi_cl.techniques.radiosity.sky_directions import sky_directions
 from ssgi_cl.techniques.radiosity.surfel_history import STEADY_LIGHTS, SurfelHistory
@@ -148,6 +149,7 @@ class Radiosity(Prepared[RadiosityParams]):
         self._maps = DeviceVpls(runtime, -(-params.vpls // 16) * 16)
         self._chooser = VplChooser(runtime, (self._maps,))
         self._rays: SurfelRays | None = None
+        self._lights: Vpls | None = None  # at the openings of gaps
         self._scene: object = None
         self._key: object = None  # of the scene
         self._history = SurfelHistory()
@@ -220,13 +222,25 @@ class Radiosity(Prepared[RadiosityParams]):
         device, exact = self._device, rays_meet_triangles(scene)
         device.fill(scene, self.params.surfels * (BY_RAYS if exact else 1), dark, self._history)
         low, extent = device.camera.position - device.half, 2.0 * device.half
+        found = None
+        if exact and len(device.surfels):
+            lit = partial(device.is_lit, dark=dark)
+            found = openings(self.runtime, scene, device.surfels, device.narrow, device.room, lit)
+            if found is not None:
+                # What is in gaps sends its light at their openings.
+                albedo = device.surfels.part_albedo.copy()
+                albedo[found.within] = 0.0
+                device.surfels = replace(device.surfels, part_albedo=albedo)
         surfels = device.surfels
         pieces = _parts(surfels) if len(surfels) or records is None else self._of_maps(records)[0]
+        self._lights = found.lights if found is not None and len(found.lights) else None
         self._first_by_rays = rays_carry_first_bounce(scene)
         self._rays = points = shown = planes = None
         if exact and len(surfels):
-            points = SurfelPoints(self.runtime, scene, surfels)
+            points = SurfelPoints(self.runtime, scene, surfels, None if found is None else found.sources)
             shown, planes = open_shares(points, OPEN_CELLS * extent / CELLS), hiding_planes(points)
+            if found is not None:
+                shown[found.within] = 0.0
         unlit = _parts(device.unlit)
         self._cells = cache(lambda: SurfaceCells(pieces, low, extent, unlit, shown, planes))
         self._hidden = np.zeros(len(surfels.part_area), np.bool_)
@@ -262,6 +276,8 @@ class Radiosity(Prepared[RadiosityParams]):
             return RadiosityLight(made, volume, None)
         steady = self._history.moves and len(surfels) <= STEADY_LIGHTS * self.params.surfels
         even, bright = even_and_bright(gathered, self._hidden, all_lights=steady)
+        if self._lights is not None:
+            bright = bright.with_more(self._lights)
         few = self._on_device(bright) if len(bright) else None
         return RadiosityLight(made, volume, EvenLight(cells().light(even), few))
 

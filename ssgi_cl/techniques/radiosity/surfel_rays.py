@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from ssgi_cl.core.hemisphere import TILE, hemisphere_ways
 from ssgi_cl.core.lights import DirectionalLight, Environment, PunctualLight, SpotLight, light_extent
 from ssgi_cl.core.sampling import r_points
 from ssgi_cl.core.scene import Scene, mean_emission
-from ssgi_cl.core.vpls import LUMINANCE
+from ssgi_cl.core.vpls import LUMINANCE, Vpls
 from ssgi_cl.device.arrays import DeviceArray
 from ssgi_cl.device.constants import DIRECT_LIGHT
 from ssgi_cl.device.runtime import Runtime
@@ -35,10 +36,62 @@ NO_CONE = -2.0
 """Cosine that every direction exceeds."""
 ROW = 64
 """Points in whose multiples rows lie."""
+AHEAD = np.repeat(np.array([0.0, 0.0, 1.0], np.float32), TILE * TILE).reshape(1, 3, TILE * TILE)
+"""One ray along the normal, in the form of `hemisphere_ways`."""
 
 
 def _diagonal(scene: Scene) -> float:
     return max(float(np.linalg.norm(np.ptp(scene.bounds, axis=0))), 1e-30)
+
+
+@dataclass(frozen=True, eq=False)
+class Sources:
+    """Places that send light besides the parts of surfels.
+
+    Attributes:
+        position, normal: [n, 3] world space.
+        area: [n] that each stands for, scene units squared.
+        exitance: [n, 3] W/m^2.
+        shown: [n] which share of it leaves the gap that it lies in.
+        emits: [n] whether an emissive surface is there, which rays meet.
+        near: distance within which the others give nothing, scene units.
+        received: [parts, 3] what they give to parts of surfels as near to them, W/m^2.
+    """
+
+    position: Doubles
+    normal: Doubles
+    area: Doubles
+    exitance: Doubles
+    shown: Doubles
+    emits: NDArray[np.bool_]
+    near: float
+    received: Doubles
+
+    @classmethod
+    def joined(
+        cls,
+        position: Doubles,
+        normal: Doubles,
+        area: Doubles,
+        exitance: Doubles,
+        shown: Doubles,
+        lights: Vpls,
+        near: float,
+        received: Doubles,
+    ) -> Sources:
+        """Return places of emissive surfaces, then the parts of lights."""
+        parts = lights.parts
+        assert parts is not None  # noqa: S101  they have some
+        return cls(
+            np.concatenate([position, parts.position]),
+            np.concatenate([normal, parts.normal]),
+            np.concatenate([area, parts.area]),
+            np.concatenate([exitance, parts.flux / parts.area[:, None]]),
+            np.concatenate([shown, np.ones(len(parts))]),
+            np.arange(len(area) + len(parts)) < len(area),
+            near,
+            received,
+        )
 
 
 class SurfelPoints:
@@ -48,21 +101,27 @@ class SurfelPoints:
         runtime: the device.
         scene: whose triangles rays meet.
         surfels: of the scene.
+        sources: of light besides.
 
     Attributes:
-        runtime, scene, surfels: as given.
+        runtime, scene, surfels, sources: as given.
         count: of parts.
-        numbers: [points] by which points have their rays: those of parts, then others.
+        numbers: [points] by which points have their rays: those of parts, then of sources and others.
         array: the points, of which there are a multiple of `ROW`.
     """
 
-    def __init__(self, runtime: Runtime, scene: Scene, surfels: Surfels) -> None:
+    def __init__(self, runtime: Runtime, scene: Scene, surfels: Surfels, sources: Sources | None = None) -> None:
         self.runtime, self.scene, self.surfels = runtime, scene, surfels
         self.count = count = len(surfels.part_area)
-        self.numbers = number = np.arange(-(-count // ROW) * ROW)
+        self.sources = sources
+        total = count + (0 if sources is None else len(sources.area))
+        self.numbers = number = np.arange(-(-total // ROW) * ROW)
         number[:count] = surfels.part_number
         points = np.zeros((9, len(number)), np.float32)
         points[5] = 1.0
+        if sources is not None:
+            points[:3, count:total] = (sources.position - scene.origin).T
+            points[3:6, count:total] = sources.normal.T
         points[:3, :count] = (surfels.part_position + (surfels.origin - scene.origin)).T
         points[3:6, :count] = surfels.part_normal.T
         place = self.places(2)
@@ -221,7 +280,9 @@ class SurfelRays:
         glow = np.array([mean_emission(scene, material) for material in scene.materials]).reshape(-1, 3)
         brightest = max(float(glow.max(initial=0.0)), float(surfels.part_emission.max(initial=0.0)), 1e-300)
         # Density with which places are drawn: luminance over the power of all.
-        power = float(surfels.part_area @ (surfels.part_emission @ LUMINANCE))
+        table, weight = self._sending()
+        more = self._points.sources
+        power = float(weight.sum())
         emits = power > 0.0
         shines = _emission(glow, brightest, power)[scene.material_ids] if emits else np.zeros(4, np.float32)
         side, first = areas.side, (np.asarray(scene.origin) - areas.low) / areas.side
@@ -245,29 +306,51 @@ class SurfelRays:
             **cell,
         )
         if emits:
+            table[:, :3] /= brightest
             runtime.kernel("radiosity/radiosity_emission.cl").run(
                 (1, self._stride),
                 points=self._points.array,
-                chosen=runtime.array(self._drawn()),
-                emission=runtime.array(_emission(surfels.part_emission, brightest, power)),
+                chosen=runtime.array(self._drawn(weight)),
+                emission=runtime.array(table.astype(np.float32)),
                 nodes=self._bvh.nodes,
                 triangles=self._bvh.triangles,
                 irradiance=self._found,
                 count=PLACES,
                 rays=float(RAYS),
                 lift=LIFT * self._unit,
+                near=0.0 if more is None else more.near**2,
             )
-        return self._of_parts() * brightest
+        received = self._of_parts() * brightest
+        return received if more is None else received + more.received
 
-    def _drawn(self) -> NDArray[np.int32]:
-        """Return [PLACES, parts and padding] numbers of parts that emit, in proportion to their power."""
-        surfels = self._points.surfels
-        power = surfels.part_area * (surfels.part_emission @ LUMINANCE)
-        emitting = np.flatnonzero(power)
-        ends = np.cumsum(power[emitting])
+    def _sending(self) -> tuple[Doubles, Doubles]:
+        """Return radiance and density [n, 4] of places that send light, as the kernel takes them, and the weights with
+        which they are drawn."""
+        surfels, more = self._points.surfels, self._points.sources
+        radiance, area = surfels.part_emission, surfels.part_area
+        weight = area * (radiance @ LUMINANCE)
+        if more is not None:
+            sent = more.exitance / math.pi
+            radiance, area = np.concatenate([radiance, sent]), np.concatenate([area, more.area])
+            weight = np.concatenate([weight, more.shown * more.area * (sent @ LUMINANCE)])
+        # That with which rays reckon, which meet emissive surfaces alone.
+        density = radiance @ LUMINANCE / max(float(weight.sum()), 1e-300)
+        if more is not None:
+            others = np.flatnonzero(~more.emits) + len(surfels.part_area)
+            density[others] = -PLACES / area[others]
+            drawn = weight[len(surfels.part_area) :] / max(float(weight.sum()), 1e-300)
+            gain = np.where(drawn > 0.0, more.area / np.where(drawn > 0.0, drawn, 1.0), 0.0)
+            radiance[len(surfels.part_area) :] *= (gain * np.abs(density[len(surfels.part_area) :]))[:, None]
+        table = np.column_stack([radiance, density])
+        return table, weight
+
+    def _drawn(self, weight: Doubles) -> NDArray[np.int32]:
+        """Return [PLACES, parts and padding] numbers of places that send light, in proportion to weights."""
+        sending = np.flatnonzero(weight)
+        ends = np.cumsum(weight[sending])
         wanted = np.mod(self._points.places(1)[:, 0] + np.arange(PLACES)[:, None] / PLACES, 1.0)
         number = np.searchsorted(ends, wanted * ends[-1], "right")
-        drawn: NDArray[np.int32] = emitting.astype(np.int32)[np.minimum(number, len(emitting) - 1)]
+        drawn: NDArray[np.int32] = sending.astype(np.int32)[np.minimum(number, len(sending) - 1)]
         return drawn
 
     def _light(self, light: PunctualLight) -> list[float]:

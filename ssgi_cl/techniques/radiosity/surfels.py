@@ -220,7 +220,7 @@ def scene_surfels(scene: Scene, count: int, shares: TriangleShares | None = None
     if not len(points[2]):
         return Surfels.none(np.asarray(scene.origin))
     low, high = scene.bounds - scene.origin
-    kind = _axis(points[1]) + 6 * points[4].any(axis=1) + 12 * ~double
+    kind = facing_axis(points[1]) + 6 * points[4].any(axis=1) + 12 * ~double
     key = kind * np.int64(1 << 3 * CURVE_BITS) + curve_numbers(points[0], low, high)
     order = np.argsort(key, kind="stable")
     first, kinds = _surfels(np.asarray(scene.origin), points, order, key >> 3 * CURVE_BITS)
@@ -231,7 +231,7 @@ def scene_surfels(scene: Scene, count: int, shares: TriangleShares | None = None
     whole = Surfels(origin=first.origin, **joined)
     # Neighbours come together, whichever side of their triangles they are on.
     places = curve_numbers(whole.position, low, high)
-    key = _axis(whole.normal) * np.int64(1 << 3 * CURVE_BITS) + places
+    key = facing_axis(whole.normal) * np.int64(1 << 3 * CURVE_BITS) + places
     return whole.chosen(np.argsort(key, kind="stable")).numbered()
 
 
@@ -295,7 +295,7 @@ def _nearest(scene: Scene, texture: int, uvs: Doubles) -> NDArray[np.uint8]:
     return found
 
 
-def _axis(normal: Doubles) -> NDArray[np.int64]:
+def facing_axis(normal: Doubles) -> NDArray[np.int64]:
     """Return [n] 0 to 5: the axis nearest to a direction, and its sign."""
     axis = np.abs(normal).argmax(axis=1)
     down = np.take_along_axis(normal, axis[:, None], 1)[:, 0] < 0.0

@@ -62,10 +62,12 @@ class DeviceSurfels:
         camera: at the middle of the scene, along the world's axes: kernels count from there.
         unit: scene units of the length in which they count.
         unlit: those left out as they face spaces that no light enters.
+        narrow: emissive ones left out as they have no room in front of them.
     """
 
     surfels: Surfels
     unlit: Surfels
+    narrow: Surfels
     camera: Camera
     unit: float
     _visible: DeviceArray | None = None
@@ -107,6 +109,18 @@ class DeviceSurfels:
         emits = pilot.emission[there].any(axis=1)
         self._emitting = frozenset(spaces[emits].tolist())
         self._of_pilot = np.bincount(spaces, minlength=int(self._air.numbers.max()) + 1)
+
+    @property
+    def room(self) -> float:
+        """Scene units that surfels have in front of them."""
+        box = self._occupancy.box.download()
+        return float(box[4] / box[3]) * self.unit
+
+    def is_lit(self, points: Doubles, dark: frozenset[int]) -> NDArray[np.bool_]:
+        """Return which of points [n, 3] of world space lie in empty cells of spaces other than `dark`."""
+        box = self._occupancy.box.download()
+        space = self._air.at(((points - self.camera.position) / self.unit - box[:3]) * box[3])
+        return (space > 0) & ~np.isin(space, list(dark))
 
     def dark(self, lights: Floats | None, *, sky: bool) -> frozenset[int]:
         """Return the spaces of the scene's air that no light enters.
@@ -179,7 +193,7 @@ class DeviceSurfels:
         out, too, and those that face a space in `dark`.
         """
         if not len(surfels):
-            self.unlit = surfels
+            self.unlit = self.narrow = surfels
             return surfels, np.zeros(0, np.intp), np.zeros((0, 3), np.float32)
         self._upload(surfels)
         part = self._find_starts(surfels, solid)
@@ -187,6 +201,7 @@ class DeviceSurfels:
         opened = self._seen.download().reshape(4, -1)[3, : len(surfels)]
         starts = self._rows.download().reshape(ROWS, -1)[START_ROWS, : len(surfels)]
         kept = (opened < OPEN) & (part >= 0)
+        self.narrow = surfels.chosen(np.flatnonzero((part < 0) & surfels.emission.any(axis=1)))
         spaces = self._air.at(starts.T)
         emitting = spaces[kept & surfels.emission.any(axis=1)]  # by more surfels than the pilot has
         unlit = kept & np.isin(spaces, list(dark)) & ~np.isin(spaces, emitting)

@@ -37,12 +37,16 @@ _MOST_ROWS, _MOST_COLUMNS = 1024, 2048  # texels of larger images are summed in 
 _LEAST_ROWS, _LEAST_COLUMNS = 256, 512  # texels of smaller images are divided
 
 
-def sample_environments(environments: Sequence[Environment], count: int) -> tuple[Doubles, Doubles]:
+def sample_environments(
+    environments: Sequence[Environment], count: int, seen: Doubles | None = None
+) -> tuple[Doubles, Doubles]:
     """Return directions that stand for the sum of environments.
 
     Args:
         environments: any number of them.
         count: directions, at least 1.
+        seen: [n, n] > 0, how much light counts that comes from each part of the map, n a divisor of `CELLS`: what
+            counts more has more directions; None for all alike.
 
     Returns:
         Directions to the light [count, 3], unit length, world space, and the irradiance
@@ -52,7 +56,10 @@ def sample_environments(environments: Sequence[Environment], count: int) -> tupl
     cells = sum((_cells(each) for each in environments), np.zeros((CELLS * CELLS, 7)))
     if not cells[:, 0].any():
         return np.zeros((0, 3)), np.zeros((0, 3))
-    regions = _regions(cells[:, 0].reshape(CELLS, CELLS), count)
+    power = cells[:, 0].reshape(CELLS, CELLS)
+    if seen is not None:
+        power = power * np.kron(seen, np.ones((CELLS // len(seen), CELLS // len(seen))))
+    regions = _regions(power, count)
     flux = np.array([_sum(cells.reshape(CELLS, CELLS, 7), region) for region, _ in regions])
     flux *= np.array([share for _, share in regions])[:, None]
     length = np.linalg.norm(flux[:, 4:], axis=1)
@@ -108,7 +115,7 @@ def environment_strata(environments: Sequence[Environment], count: int) -> Strat
         places[number, :, 0] = top + rows + inside
         columns, inside = _drawn(some[rows], u)
         places[number, :, 1] = left + columns + inside
-    points = _directions(*np.moveaxis(places / CELLS * 2.0 - 1.0, -1, 0))
+    points = map_directions(*np.moveaxis(places / CELLS * 2.0 - 1.0, -1, 0))
     vectors = sums[:, 4:] / sums[:, :1]
     # Of an even disc or strip: its half width is the deviation along an axis times the root of 3.
     off = points - np.einsum("nk,npk->np", _unit(vectors), points)[..., None] * _unit(vectors)[:, None]
@@ -159,10 +166,10 @@ def cell_directions() -> Doubles:
     """Return the middle of each cell of the map, [CELLS * CELLS, 3]."""
     middle = (np.arange(CELLS) + 0.5) / CELLS * 2.0 - 1.0
     v, u = np.meshgrid(middle, middle, indexing="ij")
-    return _directions(v, u).reshape(-1, 3)
+    return map_directions(v, u).reshape(-1, 3)
 
 
-def _directions(v: Doubles, u: Doubles) -> Doubles:
+def map_directions(v: Doubles, u: Doubles) -> Doubles:
     """Return unit vectors [..., 3] at places of the map, rows v and columns u in [-1, 1]."""
     distance = 1.0 - (np.abs(u) + np.abs(v))
     radius = 1.0 - np.abs(distance)

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ssgi_cl.core.lights import Environment, shines
+from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.arrays import Plane
 from ssgi_cl.frame.passes.build import Build
-from ssgi_cl.frame.passes.resources import CASTING, GBUFFER, LIGHTS, SKY_LIGHT
+from ssgi_cl.frame.passes.resources import CASTING, GBUFFER, LIGHTS, SKY_LIGHT, SURFEL_HISTORY
 from ssgi_cl.frame.stage import Declared, Stage, Values
+from ssgi_cl.techniques.occupancy.scene_rays import rays_meet_triangles
 from ssgi_cl.techniques.sampled_lights.sampled_lights import SampledLights, SampledLightsParams
-from ssgi_cl.techniques.sky_rays.enclosed import sky_by_rays
+from ssgi_cl.techniques.sky_rays.enclosed import openness, sky_by_rays
 from ssgi_cl.techniques.sky_rays.sky_rays import SkyRays, SkyRaysParams
 
-DIRECTIONS = 128
-"""Of which a pixel of every second row has one ray."""
+DIRECTIONS = 256
+"""Of environments, for which a pixel of every second row has a ray to one of half as many parts of the sphere."""
 
 
 def sky_light(build: Build) -> Stage:
@@ -31,16 +36,29 @@ def sky_light(build: Build) -> Stage:
                     runtime, build.size, SampledLightsParams(directions=whole.directions, map_size=whole.map_size)
                 )
             )
-        return made[rays].run(r[GBUFFER], r[LIGHTS], scene=scene)
+        technique = made[rays]
+        if isinstance(technique, SkyRays):
+            return technique.run(r[GBUFFER], r[LIGHTS], scene=scene)
+        return technique.run(r[GBUFFER], r[LIGHTS], scene=scene, seen=seen(r, scene))
+
+    def seen(r: Declared, scene: Scene) -> NDArray[np.float64] | None:
+        history = r[SURFEL_HISTORY] if build.history else None
+        if history is not None and history.sky is not None:
+            return history.sky
+        found = openness(scene, runtime).seen if rays_meet_triangles(scene) else None
+        if history is not None:
+            history.sky = found
+        return found
 
     def condition(facts: Values) -> str | None:
         lit = any(isinstance(light, Environment) and shines(light) for light in facts[LIGHTS])
         return None if lit else "no environment shines"
 
-    return Stage(name="sky light", reads=(GBUFFER, CASTING, LIGHTS), writes=(SKY_LIGHT,), run=run, condition=condition)
+    reads = (GBUFFER, CASTING, LIGHTS, *((SURFEL_HISTORY,) if build.history else ()))
+    return Stage(name="sky light", reads=reads, writes=(SKY_LIGHT,), run=run, condition=condition)
 
 
 def _rays_params(directions: int) -> SkyRaysParams:
-    """Return parameters that suit a number of directions: up to 256 parts, and more rays from there on."""
+    """Return parameters that suit a number of directions: up to 256 parts, and more rays from 512 on."""
     rays = min(max((directions // DIRECTIONS) ** 2, 1), 16)
-    return SkyRaysParams(strata=min(max(directions, 32), 256), rays=rays)
+    return SkyRaysParams(strata=min(max(directions // 2, 32), 256), rays=rays)

@@ -36,11 +36,13 @@ class SurfelHistory:
         received: [numbers, 3] float64 irradiance of the frame before by part's number, W/m^2; None: nothing is known.
         middle, half: of the cube round the scene, world space and scene units.
         order: of lights in the tree of the gather.
+        sky: which parts of the sky the first scene sees, see `sample_environments`: directions then stay.
         moves: whether surfels have followed a scene.
     """
 
     def __init__(self) -> None:
         self.order = KeptOrder()
+        self.sky: Doubles | None = None
         self.moves = False
         self.surfels: Surfels | None = None
         self.received: Doubles | None = None

@@ -106,18 +106,21 @@ class SampledLights(Prepared[SampledLightsParams]):
         self._matrices = runtime.empty(params.count * 12, np.float32)
         self._maps: DeviceArray | None = None
         self._environments: tuple[Environment, ...] = ()
+        self._seen: Doubles | None = None
         self._directions: Doubles = np.zeros((0, 3))
         self._flux: Doubles = np.zeros((0, 3))
         self._scene: object = None  # its key, of what the maps show
         self._views: Doubles = np.zeros((0, 3, 4))
         self._diagonals: Doubles = np.zeros(0)
 
-    def run(self, gbuffer: DeviceGBuffer, lights: Sequence[Light], *, scene: Scene) -> Plane | None:
+    def run(
+        self, gbuffer: DeviceGBuffer, lights: Sequence[Light], *, scene: Scene, seen: Doubles | None = None
+    ) -> Plane | None:
         """Queue the passes; return irradiance by all environments, None if there is no light.
 
-        3 images, W/m^2; 0 where nothing is. Other lights are passed over.
+        3 images, W/m^2; 0 where nothing is. Other lights are passed over. `seen` is that of `sample_environments`.
         """
-        self._sample(lights)
+        self._sample(lights, seen)
         if not len(self._directions):
             self.runtime.skip("sampled lights", "no environment sends light")
             return None
@@ -140,13 +143,13 @@ class SampledLights(Prepared[SampledLightsParams]):
             )
         return self._blur.run(gbuffer, irradiance, region=region)
 
-    def _sample(self, lights: Sequence[Light]) -> None:
+    def _sample(self, lights: Sequence[Light], seen: Doubles | None) -> None:
         now = environments_of(lights)
-        if are_same(now, self._environments):
+        if are_same(now, self._environments) and seen is self._seen:
             return
         self._scene = None
-        self._directions, self._flux = sample_environments(now, self.params.count)
-        self._environments = now
+        self._directions, self._flux = sample_environments(now, self.params.count, seen)
+        self._environments, self._seen = now, seen
 
     def _draw(self, scene: Scene) -> None:
         """Queue the pass that draws all maps, unless they are there."""

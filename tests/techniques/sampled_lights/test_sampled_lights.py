@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import ssgi_cl as gi
 from ssgi_cl.core.camera import Camera
-from ssgi_cl.core.environment_samples import sample_environments, texels
+from ssgi_cl.core.environment_samples import CELLS, cell_directions, sample_environments, texels
 from ssgi_cl.core.lights import Environment, PointLight
 from ssgi_cl.core.sample_views import interleaved, sample_views
 from ssgi_cl.core.scene import Material, Scene
@@ -78,6 +78,24 @@ def test_directions_sum_to_the_irradiance_of_any_normal(radiance: Doubles, rng: 
     sums = np.maximum(normals @ towards.T, 0.0) @ flux
     # 128 regions: one that crosses the horizon errs by half of itself at most.
     assert np.abs(sums - exact).max() < 0.02 * exact.max()
+
+
+def test_parts_that_count_more_have_more_directions_and_no_more_light() -> None:
+    seen = np.full((16, 16), 0.02)
+    seen[5:7, 9:12] = 1.0
+    # The middle of a part's cells.
+    cells = cell_directions().reshape(CELLS, CELLS, 3)
+    towards, flux = sample_environments([Environment(GRADIENT)], 128, seen)
+    row, column = np.divmod((towards @ cells.reshape(-1, 3).T).argmax(axis=1), CELLS)
+    within = (row // 16 >= 5) & (row // 16 < 7) & (column // 16 >= 9) & (column // 16 < 12)
+    # 6 of 256 parts, each 50 times as heavy, under a sky that varies by 2: between a third and three quarters.
+    assert 0.33 < within.mean() < 0.75
+    whole = np.stack([_exact(GRADIENT, normal) for normal in np.concatenate([np.eye(3), -np.eye(3)])])
+    sums = np.maximum(np.concatenate([np.eye(3), -np.eye(3)]) @ towards.T, 0.0) @ flux
+    # The other 60 directions are wide.
+    assert np.abs(sums - whole).max() < 0.06 * whole.max()
+    _, alike = sample_environments([Environment(GRADIENT)], 128)
+    np.testing.assert_allclose(flux.sum(axis=0), alike.sum(axis=0), rtol=1e-9)
 
 
 def test_all_flux_is_kept_by_any_size_of_image(rng: np.random.Generator) -> None:

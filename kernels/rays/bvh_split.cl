@@ -13,11 +13,11 @@
 // With one lane the work-items of a group find a node's bounds together and sort equal shares of
 // its boxes, which stay in order. With more lanes a group has a single work-item.
 //
-// Reads:   open    [groups][4] nodes to split: their first box, how many they have, their depth,
+// Reads:   open    [size.x][4] nodes to split: their first box, how many they have, their depth,
 //                  in how many of the splits above they were the left half
 // Writes:  even, odd  [boxes] those to be split in the array of their depth; the fourth number is
 //                  the triangle's (int bits)
-//          halves  [groups][2][4] what they were split into, if `once`; unless they are leaves
+//          halves  [size.x][2][4] what they were split into, if `once`; unless they are leaves
 //          nodes   [boxes][2][8] inner nodes by the box that their second half begins with, leaves
 //                  by their first: minus the least corner, their first box (int bits), the greatest
 //                  corner, how many they have (int bits)
@@ -148,10 +148,13 @@ static inline void bvh_node(__global float8 *restrict nodes, __global int *restr
 __kernel void bvh_split(__global const int4 *restrict open, __global float8 *restrict even,
                         __global float8 *restrict odd, __global int4 *restrict halves,
                         __global float8 *restrict nodes, __global int *restrict lefts,
-                        __global int *restrict order, const int once)
+                        __global int *restrict order, const int2 size, const int once)
 {
     __local BvhShared shared;
     const int item = (int)get_local_id(0), group = (int)get_group_id(0);
+    if (group >= size.x) {
+        return;
+    }
     const BvhBox empty = bvh_kept((float8)(-INFINITY));
     if (item == 0) {
         shared.waiting[0] = open[group];

@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 import ssgi_cl as gi
 from ssgi_cl.bench.drawn import polished
 from ssgi_cl.core.scene import Material, Scene
+from ssgi_cl.device.gbuffer import on_device
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.params import FrameParams, cell_size
 from ssgi_cl.rasterize.raster.rasterizer import Rasterizer
 from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.rasterize.scenes import make_scene
 from ssgi_cl.techniques.occupancy import scene_rays
+from ssgi_cl.techniques.sampled_lights.sampled_lights import SampledLights, SampledLightsParams
 from ssgi_cl.techniques.sky_rays import enclosed
 
 from .scenes import MAPS, cube, halves, inside, matt, scene_of
@@ -172,9 +174,13 @@ def test_radiance_is_the_sum_of_its_parts_dimmed_by_contacts_within_two_cells(
         sky = gi.sky_rays(gbuffer, [SKY], scene=scene, runtime=runtime)
         dimmed = sky + frame.indirect
     else:
-        sky = gi.sampled_lights(
-            gbuffer, [SKY], scene=scene, directions=whole.directions, map_size=whole.map_size, runtime=runtime
-        )
+        params = SampledLightsParams(directions=whole.directions, map_size=whole.map_size)
+        technique = SampledLights(runtime, gbuffer.size, params)
+        with runtime.frame():
+            seen = None if holes else enclosed.openness(scene, runtime).seen
+            light = technique.run(on_device(gbuffer, runtime), [SKY], scene=scene, seen=seen)
+            assert light is not None
+            sky = np.moveaxis(light.download(), 0, -1)
         dimmed = a * sky + (np.minimum(2.0 * a, 1.0) if holes else 1.0) * frame.indirect
     there = np.isfinite(np.asarray(gbuffer.depth)) & (sky.max(axis=-1) > 0.0)
     expected = 0.5 / math.pi * dimmed

@@ -17,7 +17,7 @@ from ssgi_cl.techniques.sky_rays.enclosed import openness, sky_by_rays
 from ssgi_cl.techniques.sky_rays.sky_rays import SkyRays, SkyRaysParams
 
 DIRECTIONS = 256
-"""Of environments, for which a pixel of every second row has a ray to one of half as many parts of the sphere."""
+"""Of environments, in place of which a pixel of every second row has one ray."""
 
 
 def sky_light(build: Build) -> Stage:
@@ -59,6 +59,6 @@ def sky_light(build: Build) -> Stage:
 
 
 def _rays_params(directions: int) -> SkyRaysParams:
-    """Return parameters that suit a number of directions: up to 256 parts, and more rays from 512 on."""
-    rays = min(max((directions // DIRECTIONS) ** 2, 1), 16)
-    return SkyRaysParams(strata=min(max(directions // 2, 32), 256), rays=rays)
+    """Return parameters that suit a number of directions: a ray and up to 128 parts, from 512 on more of both."""
+    finer = max(directions // DIRECTIONS, 1)
+    return SkyRaysParams(strata=min(min(max(directions, 32), 128) * finer, 256), rays=min(finer**2, 16))

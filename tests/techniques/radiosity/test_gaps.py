@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from ssgi_cl.core.lights import Environment, Light
 from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import make_scene
@@ -42,7 +44,9 @@ def room(*, gap: float = GAP, thick: float = 0.0) -> Scene:
     return meshed(corners, triangles, (Material(albedo=(WALLS,) * 3), GLOW), ids)
 
 
-def found(runtime: Runtime, scene: Scene, monkeypatch: pytest.MonkeyPatch) -> tuple[Radiosity, Openings | None]:
+def found(
+    runtime: Runtime, scene: Scene, monkeypatch: pytest.MonkeyPatch, lights: Sequence[Light] = ()
+) -> tuple[Radiosity, Openings | None]:
     """Return the radiosity of a scene, and what it knows of gaps."""
     results: list[Openings | None] = []
 
@@ -52,7 +56,7 @@ def found(runtime: Runtime, scene: Scene, monkeypatch: pytest.MonkeyPatch) -> tu
 
     monkeypatch.setattr(radiosity_module, "openings", kept)
     radiosity = Radiosity(runtime, RadiosityParams(emission=False))
-    radiosity.run(scene, [])
+    radiosity.run(scene, lights)
     return radiosity, results[-1]
 
 
@@ -146,7 +150,8 @@ def test_the_inside_of_an_emissive_box_sends_nothing(runtime: Runtime, monkeypat
 
 @pytest.mark.parametrize("name", ["parlour", "spot-300"])
 def test_scenes_without_emission_have_none(runtime: Runtime, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
-    _, gaps = found(runtime, make_scene(name).scene, monkeypatch)
+    # A sky, so that some space is lit: of scenes without light nothing is looked for.
+    _, gaps = found(runtime, make_scene(name).scene, monkeypatch, [Environment(1.0)])
     assert gaps is None
 
 

@@ -12,6 +12,7 @@ from ssgi_cl.frame.passes.build import Build
 from ssgi_cl.frame.passes.resources import CASTING, GBUFFER, LIGHTS, SKY_LIGHT, SURFEL_HISTORY
 from ssgi_cl.frame.stage import Declared, Stage, Values
 from ssgi_cl.techniques.occupancy.scene_rays import rays_meet_triangles
+from ssgi_cl.techniques.radiosity.surfel_history import SurfelHistory
 from ssgi_cl.techniques.sampled_lights.sampled_lights import SampledLights, SampledLightsParams
 from ssgi_cl.techniques.sky_rays.enclosed import openness, sky_by_rays
 from ssgi_cl.techniques.sky_rays.sky_rays import SkyRays, SkyRaysParams
@@ -42,7 +43,7 @@ def sky_light(build: Build) -> Stage:
         return technique.run(r[GBUFFER], r[LIGHTS], scene=scene, seen=seen(r, scene))
 
     def seen(r: Declared, scene: Scene) -> NDArray[np.float64] | None:
-        history = r[SURFEL_HISTORY] if build.history else None
+        history: SurfelHistory | None = r[SURFEL_HISTORY] if build.history else None
         if history is not None and history.sky is not None:
             return history.sky
         found = openness(scene, runtime).seen if rays_meet_triangles(scene) else None

@@ -73,7 +73,7 @@ class WholeFrameParams(Params):
     vpls: int = param(4096, "virtual point lights for the first bounce of punctual lights", low=16, high=1 << 16)
     surfels: int = param(2048, "surface elements that carry all other light", low=16, high=1 << 14)
     rays: int = param(
-        100,
+        144,
         "over the hemisphere of each point at which light of surfels is gathered, the largest square up to it; in "
         "scenes without holes",
         low=4,
@@ -101,7 +101,7 @@ class WholeFrameParams(Params):
     @classmethod
     def medium(cls, bounces: Bounces = "all") -> WholeFrameParams:
         """Return the preset between `low` and `high`."""
-        return cls(vpls=2048, surfels=1024, rays=50, directions=128, bounces=bounces)
+        return cls(vpls=2048, surfels=1024, rays=64, directions=128, bounces=bounces)
 
     @classmethod
     def high(cls, bounces: Bounces = "all") -> WholeFrameParams:

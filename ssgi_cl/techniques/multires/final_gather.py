@@ -27,7 +27,7 @@ REACH = 1.01
 """Length of rays, in diagonals of the scene's box."""
 PLACES = 16
 """Places along a pixel's side that differ in their rays."""
-SHARES = (1.0, 0.5, 0.25, 0.04)
+SHARES = (1.0, 0.45, 0.18, 0.028)
 """Parts of the rays that points of the coarsest level have, of those of the next ones, the last of all finer, whose
 values frames blur."""
 LEAST = 4

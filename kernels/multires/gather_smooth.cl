@@ -6,7 +6,9 @@
 //          distance is GATHER_REACH harmonic mean distances of what rays meet, as light changes no
 //          faster than things around turn with the place (Ward, Rubinstein and Clear 1988, "A Ray
 //          Tracing Solution for Diffuse Interreflection"), and where it lies off the middle one's
-//          plane or is turned. Neighbours' rays differ, so that errors cancel.
+//          plane or is turned. Where that distance stays the same, as along an edge of walls,
+//          light does so farther: weights are 0 at GATHER_ALONG distances. Neighbours' rays
+//          differ, so that errors cancel.
 // Reads:   depth, normal  of the samples' G-buffer, with margin; view space
 //          list     how many samples there are, and so many times row << 16 | column
 //          masks    of the samples, see multires/list.clh
@@ -16,7 +18,7 @@
 // Writes:  values   3 x [rows, columns], W/m^2: the light is added, at the samples alone
 // Params:  see vpl/receiver.clh
 // Launch:  any number of work-items, each of which takes every so-many-th piece of SSGI_LANES
-// Cost:    9 reads and 70 operations for each of 25 neighbours
+// Cost:    9 reads and 80 operations for each of 25 neighbours
 
 #include "common/camera.clh"
 #include "common/gbuffer.clh"
@@ -25,6 +27,8 @@
 
 #define GATHER_WIDE 2      // neighbours on each side
 #define GATHER_REACH 0.3f  // in harmonic mean distances
+#define GATHER_ALONG 0.8f  // where that stays the same, as along edges
+#define GATHER_SLOPE 2.0f  // 1 / its change over the way at which that counts nothing
 #define GATHER_OFF 4.0f    // 1 / the height above the plane, in distances, of weight 0
 #define GATHER_ALIKE 20.0f // 1 / (1 - cosine of the normals' angle), of weight 0
 #define GATHER_STEADY 1.0f // of squared lattice steps: slopes that few samples tell are small
@@ -59,9 +63,14 @@ __kernel void gather_smooth(ssgi_plane depth, ssgi_plane normal, __global const 
                 const vfloat up = v_abs(v_fma(wx, at.nx, v_fma(wy, at.ny, wz * at.nz)));
                 const vfloat per = v_rsqrt(v_max(squared, v_splat(1e-30f)));
                 const vfloat alike = v_fma(at.nx, to.nx, v_fma(at.ny, to.ny, at.nz * to.nz)) - 1.0f;
-                const vfloat nearer = v_max(near, ssgi_gather(found, size, 3, x, y));
+                const vfloat other = ssgi_gather(found, size, 3, x, y);
+                const vfloat away = squared * per * v_max(near, other);
+                const vfloat slope =
+                    v_abs(near - other) * per / v_max(near * other, v_splat(1e-30f));
+                const vfloat along =
+                    (one - away * (1.0f / GATHER_ALONG)) * (one - v_min(slope * GATHER_SLOPE, one));
                 const vfloat fit =
-                    one - squared * per * nearer * (1.0f / GATHER_REACH) - up * per * GATHER_OFF;
+                    v_max(one - away * (1.0f / GATHER_REACH), along) - up * per * GATHER_OFF;
                 const vfloat turned = v_fma(alike, v_splat(GATHER_ALIKE), one);
                 vfloat weight = v_max(fit, zero) * v_clamp(turned, 0.0f, 1.0f);
                 weight = v_select(zero, dx == 0 && dy == 0 ? one : weight, inside);

@@ -11,6 +11,9 @@ WIDE = 2
 """Neighbours on each side."""
 REACH = 0.3
 """Distance at which a neighbour counts nothing, in harmonic mean distances of what its rays meet."""
+ALONG, SLOPE = 0.8, 2.0
+"""The same where the harmonic mean distance stays the same, as along an edge, and 1 / its change over the distance at
+which that counts nothing."""
 OFF = 4.0
 """1 / the height above the plane, in distances, at which it counts nothing."""
 ALIKE = 20.0
@@ -43,7 +46,10 @@ def gather_smooth_reference(points: Doubles, normals: Doubles, found: Doubles, n
                 if distance > 0.0:
                     up = abs(float(way @ normals[row, column])) / distance
                     alike = float(normals[y, x] @ normals[row, column])
-                    weight = max(1.0 - distance * max(near[row, column], near[y, x]) / REACH - OFF * up, 0.0)
+                    pair = near[row, column], near[y, x]
+                    slope = abs(pair[0] - pair[1]) / max(pair[0] * pair[1], 1e-300) / distance
+                    along = (1.0 - distance * max(pair) / ALONG) * (1.0 - min(SLOPE * slope, 1.0))
+                    weight = max(max(1.0 - distance * max(pair) / REACH, along) - OFF * up, 0.0)
                     weight *= min(max(1.0 - ALIKE * (1.0 - alike), 0.0), 1.0)
                 design.append((1.0, x - column, y - row))
                 light.append(found[y, x])

@@ -279,7 +279,7 @@ def _lights(world: _Rays, paths: _Gone, width: float, random: np.random.Generato
     start = np.repeat(places[:: PARTS // SPREAD], TRIES // SPREAD, axis=0)
     _, end, _ = world.met(start, _scattered(many, random))
     share = np.maximum((np.linalg.norm(end - start, axis=1) > NEAR * width).reshape(-1, TRIES).mean(axis=1), LEAST_FAR)
-    area = np.full(count, width * width)
+    area = np.full(count, (2.0 * NEAR * width) ** 2)
     origin, each = world.scene.origin, np.repeat(share, PARTS)[:, None]
     few = Vpls(places + origin, np.repeat(normal, PARTS, axis=0), parts / each, np.repeat(area / PARTS, PARTS))
     return Vpls(at + origin, normal, flux / share[:, None], area, few)

@@ -19,6 +19,9 @@ SURFEL_CAPACITY = 3
 """Most lights that radiosity returns, as a multiple of the surfels asked for; of a sequence `STEADY_LIGHTS`."""
 GRAIN = BilateralParams(radius=4, sigma=2.5)
 """The blur of what rays find: points of small surfaces and along edges have few rays, whose grain showed as dots."""
+SMALL, SMALL_GRAIN = 256, BilateralParams(radius=2, sigma=1.0)
+"""Columns of images below which it is narrower: a pixel there shows more of what changes. At 64 x 48 the brightest
+twentieth of blocks of 4 x 4 pixels is 10 % too bright in a room with a spot light, with the wide blur 13 %."""
 
 
 def gather(build: Build) -> Stage:
@@ -34,7 +37,7 @@ def gather(build: Build) -> Stage:
         surfels=(STEADY_LIGHTS if build.history else SURFEL_CAPACITY) * whole.surfels,
         rays=whole.rays,
     )
-    smooth = cache(lambda: Bilateral(runtime, build.size, GRAIN, 3))
+    smooth = cache(lambda: Bilateral(runtime, build.size, GRAIN if build.size[1] >= SMALL else SMALL_GRAIN, 3))
 
     def run(r: Declared) -> tuple[Plane, Occupancy | None]:
         maps, seen, casting = r[of.RSM], r[of.GBUFFER], r[of.CASTING]

@@ -206,7 +206,7 @@ class Radiosity(Prepared[RadiosityParams]):
             self._chooser.place(rsms, device.camera, kinds=1, unit=device.unit)
             records = self._maps.records()
         dark = device.dark(records, sky=any(map(shines, environments)))
-        if self._dark is None or device.matters(self._dark ^ dark, records):
+        if self._dark != dark:
             if history is None and self._dark is not None:  # light enters other spaces, and surfels are placed anew
                 self._history = SurfelHistory()
                 self._history.enter(scene)

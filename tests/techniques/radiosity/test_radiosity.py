@@ -441,46 +441,6 @@ def test_the_sky_enters_no_closed_room(runtime: Runtime) -> None:
     assert (made.surfels.position[:, 0] + two_rooms().origin[0] < 0.02).all()
 
 
-def hollow(side: float) -> Scene:
-    """A closed room of side 2 with a hollow cube of some side in it, around (.3, -.2, .1)."""
-    closed = box(0.5)
-    cube = closed.positions * (0.5 * side) + np.float32([0.3, -0.2, 0.1])
-    corners = np.concatenate([closed.positions, cube])
-    return meshed(corners, np.concatenate([closed.triangles, closed.triangles + 8]), closed.materials)
-
-
-def within(made: Radiosity, scene: Scene, side: float) -> NDArray[np.bool_]:
-    """Which surfels face the inside of the cube of `hollow`."""
-    away = made.surfels.position + scene.origin + 0.02 * made.surfels.normal - [0.3, -0.2, 0.1]
-    found: NDArray[np.bool_] = (np.abs(away) < 0.5 * side).all(axis=1)
-    return found
-
-
-def test_the_inside_of_a_small_thing_has_no_surfels_unless_it_is_lit(runtime: Runtime) -> None:
-    """Nothing lit sees it; as black neighbours of the outside they would darken its cells."""
-    scene, side = hollow(0.2), 0.2
-    room = SpotLight((0, 0.9, 0.1), (0, -1, 0), 1.0, 3.0)
-    made = solved(runtime, scene, (room,), surfels=2048)
-    assert not within(made, scene, side).any()
-    assert made.surfels.area.sum() == pytest.approx(24.0 + 6 * side**2, rel=0.02)
-    inside = replace(room, position=(0.3, -0.2, 0.1))
-    made.run(scene, (inside,), rsms=maps(runtime, scene, (inside,)))
-    assert within(made, scene, side).all()
-
-
-def test_a_small_space_that_some_light_enters_leaves_surfels_where_they_are(runtime: Runtime) -> None:
-    scene = hollow(0.2)
-    made = solved(runtime, scene, (SpotLight((0, 0.9, 0.1), (0, -1, 0), 1.0, 3.0),))
-    device = made._device
-    at = np.array([(0.0, 0.5, 0.0), (0.3, -0.2, 0.1)])
-    corner = device._occupancy.box.download()
-    cells = ((at - device.camera.position) / device.unit - corner[:3]) * corner[3]
-    room, cube = device._air.at(cells).tolist()
-    assert 0 < room != cube > 0
-    assert device.matters(frozenset([room]), None)
-    assert not device.matters(frozenset([cube]), None)
-
-
 def test_what_stands_outside_has_surfels_under_a_sky_alone(runtime: Runtime) -> None:
     closed, squares = box(0.5), two_squares(0.5, 0.0)
     corners = np.concatenate([closed.positions, squares.positions + np.float32([4, 0, 0])])

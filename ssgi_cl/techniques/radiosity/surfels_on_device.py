@@ -38,9 +38,9 @@ LEAST_SHARE = 0.25
 PILOT_DIRECTIONS = 32
 """Directions in which a surfel of the pilot looks for any surface."""
 ROOM = 0.02
-"""Part of the pilot's surfels that a space has at least which is left out where no light enters it: lights that move would
-open and close the smaller ones, and light enters some of them through gaps that the grid closes. Without those too FLIP of
-`hall` is .005 lower, but that of `veach_ajar` .04 higher (400 x 300)."""
+"""Part of the pilot's surfels that a space has at least which is left out where no light enters it: lights that
+move would open and close the smaller ones, and light enters some of them through gaps that the grid closes. Without
+those FLIP of `hall` is .005 lower, but that of `veach_ajar` .04 higher (400 x 300)."""
 RAYS = 1024
 """Rays to virtual point lights that a surfel traces, about."""
 OPEN = 0.9999

@@ -16,9 +16,9 @@ from ssgi_cl.core.vpls import LUMINANCE, PARTS, Vpls
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.raster.scene_bvh import scene_bvh
 from ssgi_cl.techniques.occupancy.scene_rays import LIFT
-from ssgi_cl.techniques.radiosity.light_volume import CELLS
-from ssgi_cl.techniques.radiosity.surfel_rays import AHEAD, REACH, ROW, Sources
-from ssgi_cl.techniques.radiosity.surfels import Surfels, curve_numbers, facing_axis
+from ssgi_cl.techniques.radiosity.light_volume import CELLS, cells_at
+from ssgi_cl.techniques.radiosity.surfel_rays import AHEAD, REACH, ROW, Sources, diagonal_of
+from ssgi_cl.techniques.radiosity.surfels import Surfels, curve_numbers, facing_axis, triangle_cross
 
 Doubles = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -159,8 +159,7 @@ def _albedo(scene: Scene) -> Doubles:
 
 def _facing(scene: Scene, triangle: NDArray[np.int32], way: Doubles) -> Doubles:
     """Return unit normals [n, 3] of triangles on the side that rays meet."""
-    corners = scene.positions[scene.triangles[triangle]].astype(np.float64)
-    facing: Doubles = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    facing: Doubles = np.stack(triangle_cross(scene, triangle), axis=1)
     facing /= np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-300)
     facing *= -np.sign(np.einsum("nc,nc->n", facing, way))[:, None]
     return facing
@@ -178,10 +177,7 @@ def _scattered(normal: Doubles, random: np.random.Generator) -> Doubles:
 def _cells(scene: Scene, position: Doubles) -> NDArray[np.intp]:
     """Return numbers of cells of the cube round a scene, of places relative to its origin."""
     low, high = (bound - scene.origin for bound in scene.bounds)
-    scale = CELLS / max(float((high - low).max()), 1e-300)
-    x, y, z = np.clip((position - low) * scale, 0, CELLS - 1).astype(np.intp).T
-    found: NDArray[np.intp] = (z * CELLS + y) * CELLS + x
-    return found
+    return cells_at((position - low) * (CELLS / max(float((high - low).max()), 1e-300)))
 
 
 def _within(
@@ -240,15 +236,8 @@ class _Gone(NamedTuple):
 
     def chosen(self, which: Flags | NDArray[np.intp]) -> _Gone:
         """Return some."""
-        return _Gone(
-            self.first[which],
-            self.position[which],
-            self.normal[which],
-            self.way[which],
-            self.end[which],
-            self.facing[which],
-            self.flux[which],
-        )
+        chosen: Any = (values[which] for values in self)
+        return _Gone(*chosen)
 
 
 def _lights(world: _Rays, paths: _Gone, width: float, random: np.random.Generator) -> Vpls:
@@ -290,7 +279,7 @@ class _Rays:
 
     def __init__(self, runtime: Runtime, scene: Scene) -> None:
         self.runtime, self.scene = runtime, scene
-        self.diagonal = max(float(np.linalg.norm(np.ptp(scene.bounds, axis=0))), 1e-30)
+        self.diagonal = diagonal_of(scene)
         self.lift = LIFT * self.diagonal
         self._bvh = scene_bvh(scene, runtime)
         self._ways = runtime.array(AHEAD)
@@ -298,7 +287,8 @@ class _Rays:
     def met(self, position: Doubles, way: Doubles) -> tuple[NDArray[np.int32], Doubles, Doubles]:
         """Return the triangles that rays meet first, -1 for none, where, and their normals on that side."""
         reach = REACH * self.diagonal
-        met, where = self._run("radiosity/radiosity_met.cl", position, way, 0.0, reach, met=np.int32, where=np.float32)
+        out: dict[str, type] = {"met": np.int32, "where": np.float32}
+        met, where = self._run("radiosity/radiosity_met.cl", position, way, out, reach=reach)
         return met, position + way * (where[:, None] * reach), _facing(self.scene, met, way)
 
     def start(self, position: Doubles, normal: Doubles, way: Doubles) -> Doubles:
@@ -310,7 +300,8 @@ class _Rays:
     def blocked(self, position: Doubles, normal: Doubles, reach: float, lift: float | None = None) -> Flags:
         """Return whether a triangle is in front of places, by default of surfaces, within a reach."""
         above = self.lift if lift is None else lift
-        (far,) = self._run("radiosity/radiosity_room.cl", position, normal, above, reach, far=np.float32)
+        more = {"ways": self._ways, "rays": 1, "lift": above, "reach": reach}
+        (far,) = self._run("radiosity/radiosity_room.cl", position, normal, {"far": np.float32}, **more)
         blocked: Flags = far == 0.0
         return blocked
 
@@ -333,7 +324,7 @@ class _Rays:
         exits = places[np.arange(len(outside)), outside.argmax(axis=1)]
         return paths._replace(position=exits).chosen(leaves)
 
-    def _run(self, name: str, position: Doubles, way: Doubles, lift: float, reach: float, **out: type) -> list[Any]:
+    def _run(self, name: str, position: Doubles, way: Doubles, out: dict[str, type], **more: Any) -> list[Any]:
         count = len(position)
         stride = max(-(-count // ROW) * ROW, ROW)
         rows = np.zeros((9, stride), np.float32)
@@ -343,12 +334,9 @@ class _Rays:
         self.runtime.kernel(name).run(
             (1, stride),
             points=self.runtime.array(rows),
-            ways=self._ways,
             nodes=self._bvh.nodes,
             triangles=self._bvh.triangles,
             **arrays,
-            rays=1,
-            lift=lift,
-            reach=reach,
+            **more,
         )
         return [array.download()[:count] for array in arrays.values()]

@@ -155,7 +155,7 @@ class SurfaceCells:
         middle: Doubles = np.stack(np.unravel_index(place, shape))[::-1].T + np.float64(0.5)
         aside: Doubles = middle.copy()
         aside[self._sides] += self._planes[:, None, :3] * np.array([1.0, -1.0])[:, None]
-        around = _cells_at(aside)
+        around = cells_at(aside)
         for face in range(FACES):
             known = area[:, face] > 1e-6 * area[:, face].max(initial=0.0)
             area[~known, face] = 0.0
@@ -176,7 +176,7 @@ class SurfaceCells:
                 found[empty] = np.where(known[sides[:, 0]], sides[:, 0], sides[:, 1])
                 for step in _AROUND:
                     from_there = aside[given[empty]]
-                    to = _cells_at(from_there + step)
+                    to = cells_at(from_there + step)
                     other = self._resolved(number[to], from_there)
                     there_too = occupied[to] & known[other]
                     found[empty[there_too]] = other[there_too]
@@ -270,10 +270,10 @@ class SurfaceCells:
         return _spread(cell, plane, share, there)
 
     def _cell(self, position: Doubles) -> NDArray[np.intp]:
-        return _cells_at((position - self.low) / self.side)
+        return cells_at((position - self.low) / self.side)
 
 
-def _cells_at(place: Doubles) -> NDArray[np.intp]:
+def cells_at(place: Doubles) -> NDArray[np.intp]:
     """Return the numbers of the cells at places [n, 3] in cells, of the nearest for places outside of the cube."""
     x, y, z = np.clip(place.astype(np.intp), 0, CELLS - 1).T
     found: NDArray[np.intp] = (z * CELLS + y) * CELLS + x

@@ -30,6 +30,7 @@ from ssgi_cl.techniques.radiosity.surfel_history import STEADY_LIGHTS, SurfelHis
 from ssgi_cl.techniques.radiosity.surfel_rays import SurfelPoints, SurfelRays, hiding_planes, open_shares
 from ssgi_cl.techniques.radiosity.surfels import Surfels
 from ssgi_cl.techniques.radiosity.surfels_on_device import DeviceSurfels
+from ssgi_cl.techniques.sky_levels import SkyLevels
 from ssgi_cl.techniques.technique import Bench, Technique
 from ssgi_cl.techniques.vpl.packed_vpls import DeviceVpls, VplChooser
 from ssgi_cl.techniques.vpl.vpl_choice import on_device_rsms
@@ -148,6 +149,7 @@ class Radiosity(Prepared[RadiosityParams]):
         self._device = DeviceSurfels(runtime, params.grid)
         self._maps = DeviceVpls(runtime, -(-params.vpls // 16) * 16)
         self._chooser = VplChooser(runtime, (self._maps,))
+        self._sky = SkyLevels(runtime)
         self._rays: SurfelRays | None = None
         self._lights: Vpls | None = None  # at the openings of gaps
         self._scene: object = None
@@ -290,7 +292,8 @@ class Radiosity(Prepared[RadiosityParams]):
         """Return irradiance [parts, 3] after all bounces, and that of it by punctual lights."""
         surfels = self.surfels
         direct = rays.direct(lights)
-        source = rays.sky(environments) + rays.emitted + direct
+        self._sky.set(environments)
+        source = rays.sky(self._sky) + rays.emitted + direct
         weight = surfels.part_area[:, None] * surfels.part_albedo
 
         def bounce(number: int, before: Doubles) -> Doubles:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.hemisphere import TILE, hemisphere_ways
-from ssgi_cl.core.lights import DirectionalLight, Environment, PunctualLight, SpotLight, light_extent
+from ssgi_cl.core.lights import DirectionalLight, PunctualLight, SpotLight, light_extent
 from ssgi_cl.core.sampling import r_points
 from ssgi_cl.core.scene import Scene, mean_emission
 from ssgi_cl.core.vpls import LUMINANCE, Vpls
@@ -40,7 +40,7 @@ AHEAD = np.repeat(np.array([0.0, 0.0, 1.0], np.float32), TILE * TILE).reshape(1,
 """One ray along the normal, in the form of `hemisphere_ways`."""
 
 
-def _diagonal(scene: Scene) -> float:
+def diagonal_of(scene: Scene) -> float:
     return max(float(np.linalg.norm(np.ptp(scene.bounds, axis=0))), 1e-30)
 
 
@@ -153,7 +153,7 @@ def open_shares(points: SurfelPoints, length: float) -> Doubles:
         triangles=bvh.triangles,
         far=far,
         rays=len(ways),
-        lift=LIFT * _diagonal(scene),
+        lift=LIFT * diagonal_of(scene),
         reach=length,
     )
     return far.download()[: points.count].astype(np.float64)
@@ -202,7 +202,7 @@ class SurfelRays:
     def __init__(self, points: SurfelPoints, cells: SurfaceCells) -> None:
         self.runtime = runtime = points.runtime
         self._points, self._scene = points, points.scene
-        self._unit = _diagonal(points.scene)
+        self._unit = diagonal_of(points.scene)
         self._bvh = scene_bvh(points.scene, runtime)
         self._stride = stride = len(points)
         self._places = runtime.empty(RAYS * 3 * stride, np.int32)
@@ -211,7 +211,6 @@ class SurfelRays:
         areas = cells.light(np.zeros((points.count, 3)))
         in_cells, self._volume = device_volume(runtime, areas)
         self._ways = runtime.array(hemisphere_ways(RAYS))
-        self._sky = SkyLevels(runtime)
         self.emitted = self._trace(areas, in_cells)
 
     def direct(self, lights: Sequence[PunctualLight]) -> Doubles:
@@ -238,22 +237,21 @@ class SurfelRays:
         )
         return self._of_parts() * brightest
 
-    def sky(self, environments: Sequence[Environment]) -> Doubles:
+    def sky(self, sky: SkyLevels) -> Doubles:
         """Return irradiance [parts, 3] in W/m^2 by environments, along the rays that escape. Waits for the device."""
-        self._sky.set(environments)
-        if not self._sky.count:
+        if not sky.count:
             return np.zeros((self._points.count, 3))
         self.runtime.kernel("radiosity/radiosity_escape.cl").run(
             (1, self._stride),
             points=self._points.array,
             ways=self._ways,
             places=self._places,
-            sky=self._sky.texels,
-            images=self._sky.places,
+            sky=sky.texels,
+            images=sky.places,
             irradiance=self._found,
             rays=RAYS,
-            texels_per_angle=self._sky.texels_per_angle,
-            levels=self._sky.count,
+            texels_per_angle=sky.texels_per_angle,
+            levels=sky.count,
         )
         return self._of_parts()
 
@@ -281,8 +279,7 @@ class SurfelRays:
         brightest = max(float(glow.max(initial=0.0)), float(surfels.part_emission.max(initial=0.0)), 1e-300)
         # Density with which places are drawn: luminance over the power of all.
         table, weight = self._sending()
-        more = self._points.sources
-        power = float(weight.sum())
+        more, power = self._points.sources, float(weight.sum())
         emits = power > 0.0
         shines = _emission(glow, brightest, power)[scene.material_ids] if emits else np.zeros(4, np.float32)
         side, first = areas.side, (np.asarray(scene.origin) - areas.low) / areas.side
@@ -334,13 +331,15 @@ class SurfelRays:
             radiance, area = np.concatenate([radiance, sent]), np.concatenate([area, more.area])
             weight = np.concatenate([weight, more.shown * more.area * (sent @ LUMINANCE)])
         # That with which rays reckon, which meet emissive surfaces alone.
-        density = radiance @ LUMINANCE / max(float(weight.sum()), 1e-300)
+        total = max(float(weight.sum()), 1e-300)
+        density = radiance @ LUMINANCE / total
         if more is not None:
-            others = np.flatnonzero(~more.emits) + len(surfels.part_area)
+            first = len(surfels.part_area)
+            others = np.flatnonzero(~more.emits) + first
             density[others] = -PLACES / area[others]
-            drawn = weight[len(surfels.part_area) :] / max(float(weight.sum()), 1e-300)
+            drawn = weight[first:] / total
             gain = np.where(drawn > 0.0, more.area / np.where(drawn > 0.0, drawn, 1.0), 0.0)
-            radiance[len(surfels.part_area) :] *= (gain * np.abs(density[len(surfels.part_area) :]))[:, None]
+            radiance[first:] *= (gain * np.abs(density[first:]))[:, None]
         table = np.column_stack([radiance, density])
         return table, weight
 

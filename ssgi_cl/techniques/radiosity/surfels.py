@@ -123,7 +123,7 @@ class Surfels:
             return self
         own = np.flatnonzero(~stands)
         triangle = self.part_triangle[own]
-        was, cross = (np.stack(_cross(scene, triangle), axis=1) for scene in (before, now))
+        was, cross = (np.stack(triangle_cross(scene, triangle), axis=1) for scene in (before, now))
         double, now_double = (np.sqrt(np.einsum("nc,nc->n", c, c)) for c in (was, cross))
         side = np.sign(np.einsum("nc,nc->n", was, self.part_normal[own]))
         normal = side[:, None] * cross / np.maximum(now_double, 1e-300)[:, None]
@@ -179,7 +179,7 @@ class TriangleShares:
     @classmethod
     def of(cls, scene: Scene) -> TriangleShares:
         """Return those of a scene."""
-        area = 0.5 * np.sqrt(sum(one * one for one in _cross(scene, slice(None))))
+        area = 0.5 * np.sqrt(sum(one * one for one in triangle_cross(scene, slice(None))))
         emission = np.array([float(np.sum(mean_emission(scene, m))) for m in scene.materials], np.float64)
         shine = (emission / max(emission.max(initial=0.0), 1e-300))[scene.material_ids]
         density = np.zeros(len(area))
@@ -190,7 +190,9 @@ class TriangleShares:
         return cls(np.cumsum(density * area), area, density, emits)
 
 
-def _cross(scene: Scene, chosen: slice | NDArray[np.intp]) -> tuple[Doubles, Doubles, Doubles]:
+def triangle_cross(
+    scene: Scene, chosen: slice | NDArray[np.intp] | NDArray[np.int32]
+) -> tuple[Doubles, Doubles, Doubles]:
     """Return x, y and z of the normals of triangles, as long as twice their areas."""
     x, y, z = scene.positions.T.astype(np.float64)[:, scene.triangles[chosen].T]
     ux, uy, uz = x[1] - x[0], y[1] - y[0], z[1] - z[0]
@@ -271,7 +273,7 @@ def _points(scene: Scene, count: int, shares: TriangleShares) -> tuple[Any, ...]
             emission[own] *= BYTES[_nearest(scene, material.emission_texture, uvs[own])[:, :3]]
     # What lobes reflect goes every way.
     albedo += np.array([m.spread for m in scene.materials])[ids]
-    cross = np.stack(_cross(scene, triangle), axis=1)
+    cross = np.stack(triangle_cross(scene, triangle), axis=1)
     double = np.sqrt(np.einsum("nc,nc->n", cross, cross))
     area = total / count / shares.density[triangle]
     for kind in (False, True):  # triangles get whole points: what that loses or adds, all share

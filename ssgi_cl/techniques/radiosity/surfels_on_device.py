@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -96,6 +98,7 @@ class DeviceSurfels:
         self._shift = np.asarray(scene.origin) - middle
         solid = device_scene(scene, self.runtime)
         self._occupancy = occupancy = self._grid.fill_scene(solid, self.camera.view, self.unit, -half, half)
+        self._box = occupancy.box.download()
         exact = rays_meet_triangles(scene)
         rays = SceneRays(self.runtime, scene, self.camera.view, self.unit) if exact else None
         self._rays = rays
@@ -114,13 +117,11 @@ class DeviceSurfels:
     @property
     def room(self) -> float:
         """Scene units that surfels have in front of them."""
-        box = self._occupancy.box.download()
-        return float(box[4] / box[3]) * self.unit
+        return float(self._box[4] / self._box[3]) * self.unit
 
     def is_lit(self, points: Doubles, dark: frozenset[int]) -> NDArray[np.bool_]:
         """Return which of points [n, 3] of world space lie in empty cells of spaces other than `dark`."""
-        box = self._occupancy.box.download()
-        space = self._air.at(((points - self.camera.position) / self.unit - box[:3]) * box[3])
+        space = self._air.at(self._in_cells((points - self.camera.position) / self.unit))
         return (space > 0) & ~np.isin(space, list(dark))
 
     def dark(self, lights: Floats | None, *, sky: bool) -> frozenset[int]:
@@ -143,10 +144,14 @@ class DeviceSurfels:
     def _lit_points(self, lights: Floats) -> Floats:
         """Return [n, 3] points above the lights that shine, in cells of the grid."""
         shining = lights[lights[:, 8:11].any(axis=1)]
-        box = self._occupancy.box.download()
-        lift = box[4] * shining[:, 4:7]  # their normals, turned round
-        points: Floats = (shining[:, :3] - box[:3]) * box[3] - lift
+        lift = self._box[4] * shining[:, 4:7]  # their normals, turned round
+        points: Floats = self._in_cells(shining[:, :3]) - lift
         return points
+
+    def _in_cells(self, points: NDArray[Any]) -> NDArray[Any]:
+        """Return points [n, 3] that `camera` sees, counted in `unit`, in cells of the grid."""
+        found: NDArray[Any] = (points - self._box[:3]) * self._box[3]
+        return found
 
     def fill(self, scene: Scene, count: int, dark: frozenset[int], history: SurfelHistory) -> None:
         """Replace the contents by about `count` surfels of the scene.

@@ -18,6 +18,7 @@ from ssgi_cl.techniques.occupancy.scene_rays import LIFT
 from ssgi_cl.techniques.radiosity.light_volume import CELLS, FACES, LightVolume, Pieces, SurfaceCells
 from ssgi_cl.techniques.radiosity.surfel_rays import RAYS, SurfelPoints, SurfelRays, open_shares
 from ssgi_cl.techniques.radiosity.surfels import Surfels, scene_surfels
+from ssgi_cl.techniques.sky_levels import SkyLevels
 
 from .test_radiosity import box, meshed
 
@@ -55,6 +56,13 @@ def floor_parts(surfels: Surfels) -> tuple[NDArray[np.bool_], Doubles]:
     """Return which parts are on the floor's upper side, and where all are, without `SHIFT`."""
     place = surfels.part_position + surfels.origin - SHIFT
     return (np.abs(place[:, 1]) < 1e-3) & (surfels.part_normal[:, 1] > 0.5), place
+
+
+def of_plate(places: Doubles) -> Doubles:
+    """Return irradiance of places that face up by `PLATE`, of radiance 1."""
+    corner, one, other = np.array(PLATE)
+    corners = np.array([corner, corner + one, corner + one + other, corner + other])
+    return np.array([abs(polygon_irradiance(corners, at, np.array((0.0, 1.0, 0.0)))) for at in places])
 
 
 LIGHTS: dict[str, PunctualLight] = {
@@ -121,10 +129,7 @@ def test_emission_is_that_of_polygons(variant_runtime: Runtime) -> None:
     scene = quads(FLOOR, PLATE)
     surfels, rays = rays_of(variant_runtime, scene, 2048)
     floor, place = floor_parts(surfels)
-    corner, one, other = np.array(PLATE)
-    corners = np.array([corner, corner + one, corner + one + other, corner + other])
-    up = np.array((0.0, 1.0, 0.0))
-    factor = np.array([abs(polygon_irradiance(corners, at, up)) for at in place[floor]]) / 1.0
+    factor = of_plate(place[floor])
     expected = np.outer(factor, (2.0, 1.0, 0.5))
     found = rays.emitted[floor]
     # 4 places and 16 rays a part: within 1 % of the mean together, and less noise than rays alone would have.
@@ -141,11 +146,17 @@ def linear_sky(rows: int = 128) -> Environment:
     return Environment((radiance[..., None] * (1.0, 0.5, 0.25)).astype(np.float32))
 
 
+def levels_of(runtime: Runtime, *environments: Environment) -> SkyLevels:
+    sky = SkyLevels(runtime)
+    sky.set(environments)
+    return sky
+
+
 def test_sky_is_that_of_closed_forms(variant_runtime: Runtime) -> None:
     # One slanted quad: each side sees half of the sphere. The integral of (d v) (d n) over it is 2 pi / 3 v n.
     scene = quads(((-1.0, 0.0, -1.0), (1.2, 1.6, 0.0), (0.0, 0.0, 2.0)))
     surfels, rays = rays_of(variant_runtime, scene, 1024)
-    found = rays.sky([linear_sky()])
+    found = rays.sky(levels_of(variant_runtime, linear_sky()))
     for side in (1.0, -1.0):
         own = surfels.part_normal[:, 1] * side > 0.0
         normal = surfels.part_normal[own][0]
@@ -159,11 +170,9 @@ def test_sky_is_what_nothing_hides(variant_runtime: Runtime) -> None:
     scene = quads(FLOOR, PLATE)
     surfels, rays = rays_of(variant_runtime, scene, 2048)
     floor, place = floor_parts(surfels)
-    corner, one, other = np.array(PLATE)
-    corners = np.array([corner, corner + one, corner + one + other, corner + other])
-    up = np.array((0.0, 1.0, 0.0))
-    hidden = np.array([abs(polygon_irradiance(corners, at, up)) for at in place[floor]])
-    found = rays.sky([Environment((2.0, 2.0, 1.0)), Environment((0.0, 0.0, 1.0))])[floor]
+    hidden = of_plate(place[floor])
+    both = levels_of(variant_runtime, Environment((2.0, 2.0, 1.0)), Environment((0.0, 0.0, 1.0)))
+    found = rays.sky(both)[floor]
     np.testing.assert_allclose(found, np.repeat(found[:, :1], 3, axis=1), rtol=1e-6)
     assert found[:, 0].mean() == pytest.approx(2.0 * (math.pi - hidden.mean()), rel=2e-3)
     # An edge through the disk crosses about 8 of 16 strata, of which each errs by at most half a ray.
@@ -172,8 +181,8 @@ def test_sky_is_what_nothing_hides(variant_runtime: Runtime) -> None:
 
 def test_without_sky_none_arrives(runtime: Runtime) -> None:
     _, rays = rays_of(runtime, quads(FLOOR, PLATE), 64)
-    assert not rays.sky([]).any()
-    assert not rays.sky([Environment((0.0, 0.0, 0.0))]).any()
+    assert not rays.sky(levels_of(runtime)).any()
+    assert not rays.sky(levels_of(runtime, Environment((0.0, 0.0, 0.0)))).any()
 
 
 def test_emission_of_surfaces_that_nearly_touch_is_whole(runtime: Runtime) -> None:

@@ -44,7 +44,8 @@ RAY_SIZE, RAY_TEXELS, RAY_LIGHTS = (12, 16), 16, 64
 FEW = {
     "sky_probe": 1, "sky_rays": 3, "radiosity_sky": 1, "radiosity_rays": 3, "radiosity_bounce": 3, "final_gather": 3,
     "shade_list": 3, "reflect_mirror": 3,
-    "radiosity_emission": 1, "radiosity_room": 1, "radiosity_met": 1, "radiosity_start": 1, "radiosity_visibility": 2,
+    "radiosity_emission": 1, "radiosity_room": 1, "radiosity_seen": 1, "radiosity_met": 1,
+    "radiosity_start": 1, "radiosity_visibility": 2,
     "radiosity_first": 2, "radiosity_direct": 2, "radiosity_mirror": 2, "radiosity_gather": 2,
     "occupancy_voxelize": 1, "vpl_partial_sums": 1,
 }  # fmt: skip

@@ -70,7 +70,7 @@ class WholeFrameParams(Params):
     """Accuracy of the whole picture; `low`, `medium`, `high` and `ultra` are presets."""
 
     bounces: Bounces = param("all", "reflections on the way from a light to a pixel: 1 or more, or 'all'")
-    vpls: int = param(4096, "virtual point lights for the first bounce of punctual lights", low=16, high=1 << 16)
+    vpls: int = param(8192, "virtual point lights for the first bounce of punctual lights", low=16, high=1 << 16)
     surfels: int = param(2048, "surface elements that carry all other light", low=16, high=1 << 14)
     rays: int = param(
         144,

@@ -114,6 +114,8 @@ class SurfaceCells:
         unlit: of surfaces that no light reaches: black where no other within `NEAR` faces the same way.
         shown: [lit pieces] what each counts for its cell, 0 to 1: the part of its hemisphere that is open to beyond the
             cell. Rays from afar come to a piece in that proportion, seldom into a gap.
+        seen: [lit pieces] whether a surface sees them, as rays come from surfaces. Those that none sees, such as the
+            outside of a building, count least, and not at all where another within `NEAR` faces the same way.
         planes: finds what divides cells into two spaces that do not see each other, such as walls; each side of it
             then has a mean of its own.
     """
@@ -126,9 +128,11 @@ class SurfaceCells:
         unlit: Pieces | None = None,
         shown: Doubles | None = None,
         planes: Planes | None = None,
+        seen: NDArray[np.bool_] | None = None,
     ) -> None:
         self.low, self.extent = low, extent
-        self._shown = np.ones(len(lit.area)) if shown is None else np.maximum(shown, LEAST_SHOWN)
+        seen = np.ones(len(lit.area), np.bool_) if seen is None else seen
+        self._shown = np.where(seen, np.maximum(1.0 if shown is None else shown, LEAST_SHOWN), LEAST_SHOWN)
         dark = Pieces.none() if unlit is None else unlit
         shape = (CELLS, CELLS, CELLS)
         own, others = self._cell(lit.position), self._cell(dark.position)
@@ -149,6 +153,7 @@ class SurfaceCells:
         self._slots = _Slots.of(self._records(own, lit), lit.normal)
         black = _Slots.of(self._records(others, dark), dark.normal).sums(dark.area, len(place))
         area = self._slots.sums(lit.area, len(place))
+        facing = self._slots.sums(np.where(seen, lit.area, 0.0), len(place))
         # Slots are numbered record by record.
         self._near = np.arange(len(place) * FACES).reshape(-1, FACES)
         # What is on one side of a plane looks for surfaces from there.
@@ -157,11 +162,12 @@ class SurfaceCells:
         aside[self._sides] += self._planes[:, None, :3] * np.array([1.0, -1.0])[:, None]
         around = cells_at(aside)
         for face in range(FACES):
-            known = area[:, face] > 1e-6 * area[:, face].max(initial=0.0)
-            area[~known, face] = 0.0
+            least = 1e-6 * area[:, face].max(initial=0.0)
+            known = facing[:, face] > least
             if known.all():
                 continue
-            alone = black[:, face] > 0.0
+            area[:, face] = np.where(area[:, face] > least, area[:, face], black[:, face])
+            alone = ~known & (area[:, face] > 0.0)
             if known.any():
                 there = np.zeros(CELLS**3, np.bool_)
                 there[place[known]] = True
@@ -182,7 +188,7 @@ class SurfaceCells:
                     found[empty[there_too]] = other[there_too]
                     empty = empty[~there_too]
                 self._near[given, face] = found * FACES + face
-            area[alone, face] = black[alone, face]
+                area[given, face] = 0.0
         self._area = area
         self._seen = self._slots.sums(lit.area * self._shown, len(place))
         self.area = np.maximum(area / self.side**2, FAINT)

@@ -27,7 +27,7 @@ from ssgi_cl.techniques.radiosity.gaps import openings
 from ssgi_cl.techniques.radiosity.light_volume import CELLS, LightVolume, Pieces, SurfaceCells
 from ssgi_cl.techniques.radiosity.sky_directions import sky_directions
 from ssgi_cl.techniques.radiosity.surfel_history import STEADY_LIGHTS, SurfelHistory
-from ssgi_cl.techniques.radiosity.surfel_rays import SurfelPoints, SurfelRays, hiding_planes, open_shares
+from ssgi_cl.techniques.radiosity.surfel_rays import SurfelPoints, SurfelRays, hiding_planes, open_shares, seen_parts
 from ssgi_cl.techniques.radiosity.surfels import Surfels
 from ssgi_cl.techniques.radiosity.surfels_on_device import DeviceSurfels
 from ssgi_cl.techniques.sky_levels import SkyLevels
@@ -237,14 +237,15 @@ class Radiosity(Prepared[RadiosityParams]):
         pieces = _parts(surfels) if len(surfels) or records is None else self._of_maps(records)[0]
         self._lights = found.lights if found is not None and len(found.lights) else None
         self._first_by_rays = rays_carry_first_bounce(scene)
-        self._rays = points = shown = planes = None
+        self._rays = points = shown = planes = seen = None
         if exact and len(surfels):
             points = SurfelPoints(self.runtime, scene, surfels, None if found is None else found.sources)
             shown, planes = open_shares(points, OPEN_CELLS * extent / CELLS), hiding_planes(points)
+            seen = seen_parts(points)
             if found is not None:
                 shown[found.within] = 0.0
         unlit = _parts(device.unlit)
-        self._cells = cache(lambda: SurfaceCells(pieces, low, extent, unlit, shown, planes))
+        self._cells = cache(lambda: SurfaceCells(pieces, low, extent, unlit, shown, planes, seen))
         self._hidden = np.zeros(len(surfels.part_area), np.bool_)
         if points is not None and shown is not None:
             self._hidden = shown < GAP

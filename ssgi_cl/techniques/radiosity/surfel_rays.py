@@ -143,20 +143,32 @@ def open_shares(points: SurfelPoints, length: float) -> Doubles:
 
     Waits for the device.
     """
+    return _by_hemispheres(points, "radiosity/radiosity_room.cl", "far", length)
+
+
+def seen_parts(points: SurfelPoints) -> NDArray[np.bool_]:
+    """Return [parts] whether any ray over the hemisphere of a part meets a surface, from which it is seen then.
+
+    Waits for the device.
+    """
+    return _by_hemispheres(points, "radiosity/radiosity_seen.cl", "seen", REACH * diagonal_of(points.scene)) > 0.0
+
+
+def _by_hemispheres(points: SurfelPoints, name: str, written: str, reach: float) -> Doubles:
     runtime, scene, ways = points.runtime, points.scene, hemisphere_ways(RAYS)
-    bvh, far = scene_bvh(scene, runtime), runtime.empty(len(points), np.float32)
-    runtime.kernel("radiosity/radiosity_room.cl").run(
+    bvh, found = scene_bvh(scene, runtime), runtime.empty(len(points), np.float32)
+    runtime.kernel(name).run(
         (1, len(points)),
         points=points.array,
         ways=runtime.array(ways),
         nodes=bvh.nodes,
         triangles=bvh.triangles,
-        far=far,
         rays=len(ways),
         lift=LIFT * diagonal_of(scene),
-        reach=length,
+        reach=reach,
+        **{written: found},
     )
-    return far.download()[: points.count].astype(np.float64)
+    return found.download()[: points.count].astype(np.float64)
 
 
 def hiding_planes(points: SurfelPoints) -> Planes:

@@ -14,7 +14,7 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import rsm
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.techniques.radiosity import radiosity as radiosity_module
-from ssgi_cl.techniques.radiosity.light_volume import CELLS, FAINT, NEAR, LightVolume, Pieces, SurfaceCells
+from ssgi_cl.techniques.radiosity.light_volume import CELLS, FAINT, LEAST_SHOWN, NEAR, LightVolume, Pieces, SurfaceCells
 from ssgi_cl.techniques.radiosity.radiosity import Radiosity, RadiosityParams
 from ssgi_cl.techniques.vpl.vpl_choice import on_device_rsms
 
@@ -105,6 +105,21 @@ def test_pieces_count_as_they_are_shown() -> None:
     cells = SurfaceCells(both[0], LOW, EXTENT, shown=np.array((0.75, 0.25)))
     record = at(cells.light(both[1]), 4, 5, 6)[0]
     np.testing.assert_allclose(record, [*[0.75 * 1.0 + 0.25 * 5.0] * 3, 0.004 / SIDE**2], rtol=1e-6)
+
+
+def test_what_no_surface_sees_gives_way_to_what_one_sees() -> None:
+    """The bottom of a floor, and what stands on the floor and faces down."""
+    places = [centre(4, 5, 6), centre(4, 5, 6), centre(7, 5, 6), centre(9 + int(NEAR), 5, 6)]
+    lit = light(places, [[0, -1, 0]] * 4, [0.002] * 4, [math.pi, 3 * math.pi, 5 * math.pi, 7 * math.pi])
+    seen = np.array((True, False, False, False))
+    volume = SurfaceCells(lit[0], LOW, EXTENT, seen=seen).light(lit[1])
+    down = 3
+    mixed = (1.0 + 3.0 * LEAST_SHOWN) / (1.0 + LEAST_SHOWN)
+    for x in (4, 7):
+        np.testing.assert_allclose(at(volume, x, 5, 6)[down, :3], mixed, rtol=1e-6)
+    assert at(volume, 7, 5, 6)[down, 3] == np.float32(FAINT)
+    # Farther than `NEAR` cells from what is seen it has its own light.
+    np.testing.assert_allclose(at(volume, 9 + int(NEAR), 5, 6)[down], [*[7.0] * 3, 0.002 / SIDE**2], rtol=1e-6)
 
 
 def test_a_wall_divides_the_cells_that_it_cuts() -> None:

@@ -16,7 +16,7 @@ from ssgi_cl.reference.area_lights.area_lights import polygon_irradiance
 from ssgi_cl.reference.multires.final_gather import final_gather_reference
 from ssgi_cl.techniques.occupancy.scene_rays import LIFT
 from ssgi_cl.techniques.radiosity.light_volume import CELLS, FACES, LightVolume, Pieces, SurfaceCells
-from ssgi_cl.techniques.radiosity.surfel_rays import RAYS, SurfelPoints, SurfelRays, open_shares
+from ssgi_cl.techniques.radiosity.surfel_rays import RAYS, SurfelPoints, SurfelRays, open_shares, seen_parts
 from ssgi_cl.techniques.radiosity.surfels import Surfels, scene_surfels
 from ssgi_cl.techniques.sky_levels import SkyLevels
 
@@ -250,3 +250,11 @@ def test_at_the_foot_of_a_wall_half_of_the_hemisphere_is_open(runtime: Runtime) 
     foot = inside & (place[:, 1] < 0.01) & (place[:, 2] > 0.21)
     assert foot.sum() > 20
     assert found[foot].mean() == pytest.approx(0.5, abs=0.04)
+
+
+def test_the_inside_of_a_box_is_seen_and_its_outside_is_not(runtime: Runtime) -> None:
+    surfels = scene_surfels(box(0.5), 512)
+    found = seen_parts(SurfelPoints(runtime, box(0.5), surfels))
+    inside = np.sum(surfels.part_normal * (surfels.part_position + surfels.origin), axis=1) < 0.0
+    assert 0.4 < inside.mean() < 0.6
+    np.testing.assert_array_equal(found, inside)

@@ -157,6 +157,7 @@ def seen_parts(points: SurfelPoints) -> NDArray[np.bool_]:
 def _by_hemispheres(points: SurfelPoints, name: str, written: str, reach: float) -> Doubles:
     runtime, scene, ways = points.runtime, points.scene, hemisphere_ways(RAYS)
     bvh, found = scene_bvh(scene, runtime), runtime.empty(len(points), np.float32)
+    outputs: dict[str, Any] = {written: found}
     runtime.kernel(name).run(
         (1, len(points)),
         points=points.array,
@@ -166,7 +167,7 @@ def _by_hemispheres(points: SurfelPoints, name: str, written: str, reach: float)
         rays=len(ways),
         lift=LIFT * diagonal_of(scene),
         reach=reach,
-        **{written: found},
+        **outputs,
     )
     return found.download()[: points.count].astype(np.float64)
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// reflect_mirror: radiance that arrives within the lobes of smooth surfaces, by exact rays.
+// reflect_mirror: mean radiance that arrives within the lobes of pixels, of some of a lobe's exact
+// rays each.
 //
 // Method:  what a ray meets first among the triangles of the scene sends what the image shows of
 //          it, and otherwise its emission or what a volume has of surfaces that face the same way;
@@ -8,17 +9,17 @@
 //          radiance  3 x [rows, columns] W m^-2 sr^-1, without lobes
 //          light     3 x [rows, columns] irradiance / pi
 //          sky, places  see sky.clh; cells, volume  see radiosity/volume.clh
-//          nodes, triangles  see rays/bvh.clh
+//          nodes, blocks, triangles  see rays/first.clh
 //          surfaces  [triangles, 8] emission, W m^-2 sr^-1; 1 where there is any; specular
 //                    reflectance of smooth ones, otherwise 0; the share of what one sends that is
 //                    matt
-// Writes:  reflected 3 x [rows, columns] W m^-2 sr^-1, of smooth surfaces alone
-// Macros:  REFLECT_RAYS (of a pixel)
+// Writes:  reflected 3 x [rows, columns] W m^-2 sr^-1; 0 where nothing is glossy
+// Macros:  REFLECT_RAYS (of a pixel), RAYS_ONE (0, 1)
 // Params:  view to world rotation, the eye relative to the scene's origin, margin, see the struct
 // Launch:  SSGI_LANES pixels of a row per work-item
 
 #include "common/sky.clh"
-#include "rays/bvh.clh"
+#include "rays/first.clh"
 #include "reflections/image.clh"
 #include "reflections/pattern.clh"
 #include "radiosity/volume.clh"
@@ -37,9 +38,10 @@ reflect_mirror(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo, ssgi_pla
                ssgi_plane gloss, ssgi_plane radiance, ssgi_plane light,
                __global const float *restrict sky, __global const int *restrict places,
                __global const int *restrict cells, __global const float *restrict volume,
-               __global const float *restrict nodes, __global const float *restrict triangles,
-               __global const float *restrict surfaces, __global float *restrict reflected,
-               const int2 size, const SsgiCamera camera, const ReflectParams params)
+               __global const float *restrict nodes, __global const float *restrict blocks,
+               __global const float *restrict triangles, __global const float *restrict surfaces,
+               __global float *restrict reflected, const int2 size, const SsgiCamera camera,
+               const ReflectParams params)
 {
     const int x = ssgi_first_column();
     const int y = (int)get_global_id(1);
@@ -52,9 +54,11 @@ reflect_mirror(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo, ssgi_pla
     const vfloat zero = v_splat(0.0f);
     const vfloat u = ssgi_load(linear, whole, 0, at_x, at_y);
     const SsgiLobe lobe = ssgi_lobe(albedo, specular, gloss, whole, at_x, at_y);
-    const vmask there =
-        lobe.there & v_lt(u, v_splat(INFINITY)) & v_ge(lobe.gloss, v_splat(REFLECT_SMOOTH));
+    const vmask there = lobe.there & v_lt(u, v_splat(INFINITY));
     if (!v_any(there)) {
+        for (int c = 0; c < 3; ++c) {
+            ssgi_store(zero, reflected, size, c, x, y, 0.0f);
+        }
         return;
     }
     const bool perspective = camera.perspective != 0.0f;
@@ -101,7 +105,7 @@ reflect_mirror(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo, ssgi_pla
                 wy * reach,
                 wz * reach,
             };
-            const RaysHit hit = rays_closest(nodes, triangles, line, above);
+            const RaysHit hit = rays_first(nodes, blocks, triangles, line, above);
             const vmask met = above & v_ige(hit.triangle, v_splat_int(0));
             // Where it is seen, if it is: the pixel there shows a point of the same plane.
             const vfloat length = hit.where * reach;
@@ -198,8 +202,6 @@ reflect_mirror(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo, ssgi_pla
         }
     }
     for (int c = 0; c < 3; ++c) {
-        const vfloat before = v_load(reflected + ssgi_index(size, c, x, y));
-        ssgi_store(v_select(before, sum[c] * (1.0f / REFLECT_RAYS), there), reflected, size, c, x,
-                   y, 0.0f);
+        ssgi_store(sum[c] * (1.0f / REFLECT_RAYS), reflected, size, c, x, y, 0.0f);
     }
 }

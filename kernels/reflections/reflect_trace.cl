@@ -13,7 +13,7 @@
 //          occupancy, grid_box  see occupancy/grid.clh
 // Writes:  reflected 3 x [rows, columns] W m^-2 sr^-1; 0 where nothing is glossy
 // Macros:  REFLECT_RAYS (of a pixel), REFLECT_STEPS (of a ray on the screen, at most),
-//          OCCUPANCY_CELLS, REFLECT_MIRRORS (0, 1: smooth surfaces are left to reflect_mirror)
+//          OCCUPANCY_CELLS
 // Params:  view to world rotation, margin, see the struct
 // Launch:  SSGI_LANES pixels of a row per work-item
 
@@ -24,8 +24,8 @@
 #include "radiosity/volume.clh"
 #include "occupancy/grid.clh"
 
-#if !defined(REFLECT_RAYS) || !defined(REFLECT_STEPS) || !defined(REFLECT_MIRRORS)
-#error "REFLECT_RAYS, REFLECT_STEPS and REFLECT_MIRRORS must be defined by the host"
+#if !defined(REFLECT_RAYS) || !defined(REFLECT_STEPS)
+#error "REFLECT_RAYS and REFLECT_STEPS must be defined by the host"
 #endif
 
 #define REFLECT_ASIDE 1.0f // cells between two rays that both must leave the grid
@@ -83,10 +83,7 @@ __kernel void reflect_trace(ssgi_plane linear, ssgi_plane normal, ssgi_plane alb
     const vfloat zero = v_splat(0.0f);
     const vfloat u = ssgi_load(linear, whole, 0, at_x, at_y);
     const SsgiLobe lobe = ssgi_lobe(albedo, specular, gloss, whole, at_x, at_y);
-    vmask there = lobe.there & v_lt(u, v_splat(INFINITY));
-#if REFLECT_MIRRORS
-    there = there & v_lt(lobe.gloss, v_splat(REFLECT_SMOOTH));
-#endif
+    const vmask there = lobe.there & v_lt(u, v_splat(INFINITY));
     vfloat sum[3] = {zero, zero, zero};
     if (!v_any(there)) {
         for (int c = 0; c < 3; ++c) {

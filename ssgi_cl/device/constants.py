@@ -117,7 +117,7 @@ VPL_BOUNDS = 7
 SURFEL_RECORD = VPL_LIGHT
 """Floats of a surfel as a light: those of a virtual point light."""
 REFLECT_SMOOTH = 4000.0
-"""Gloss from which on rays of reflections are followed exactly: a roughness of .15."""
+"""Gloss from which on surfaces are seen in others as mirrors, and take the mean of few rays: a roughness of .15."""
 AREA_EMITTER = 22
 """Floats of an emissive quadrilateral, see ssgi_cl/techniques/area_lights/emitters.py."""
 AREA_SOURCE = 13

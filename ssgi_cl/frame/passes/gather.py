@@ -54,7 +54,7 @@ def gather(build: Build) -> Stage:
             order=r[of.SURFEL_HISTORY].order if build.history else None,
         )
         blocked = found.occupancy
-        if blocked is None and seen.mirrors:
+        if blocked is None and seen.mirrors and not exact:
             blocked = splat.block(seen, casting)
         return found.irradiance if even is None else smooth().run(seen, found.irradiance), blocked
 

@@ -16,6 +16,7 @@ from ssgi_cl.frame.passes.resources import (
     SHADOWS,
 )
 from ssgi_cl.frame.stage import Declared, Stage
+from ssgi_cl.techniques.occupancy.scene_rays import rays_meet_triangles
 from ssgi_cl.techniques.reflections.reflections import Reflections
 
 
@@ -27,7 +28,7 @@ def reflections(build: Build) -> Stage:
     def run(r: Declared) -> Plane:
         radiance: Plane = r[MATT]
         if r[LOBE_LIGHT] is None:
-            runtime.skip("reflect_trace", "no surface of the scene is glossy")
+            runtime.skip("reflections", "no surface of the scene is glossy")
             return radiance
         if not made:
             made.append(Reflections(runtime, build.size))
@@ -37,9 +38,9 @@ def reflections(build: Build) -> Stage:
             light=r[LOBE_LIGHT],
             lights=r[LIGHTS],
             shadows=r[SHADOWS],
-            occupancy=r[OCCUPANCY],
             volume=r[LIGHT_VOLUME](),
-            scene=r[CASTING],
+            occupancy=r[OCCUPANCY],
+            scene=r[CASTING] if rays_meet_triangles(r[CASTING]) else None,
         )
         return radiance
 

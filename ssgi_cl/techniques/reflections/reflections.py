@@ -27,6 +27,7 @@ from ssgi_cl.techniques.bands import Plan, banded
 from ssgi_cl.techniques.direct.light_data import BRIGHTEST, PunctualLights, ShadowMap
 from ssgi_cl.techniques.direct.shadow_maps import checked_lights, uploaded_maps
 from ssgi_cl.techniques.occupancy.occupancy_grid import Occupancy, OccupancyGrid
+from ssgi_cl.techniques.occupancy.scene_rays import rays_meet_triangles
 from ssgi_cl.techniques.radiosity.light_volume import LightVolume, device_volume
 from ssgi_cl.techniques.radiosity.radiosity import Radiosity, RadiosityParams
 from ssgi_cl.techniques.sky_levels import SkyLevels
@@ -50,8 +51,8 @@ PERFECT = 1e5
 """Gloss from which on a pixel takes what its own mirrored ray meets, and no mean."""
 
 
-class _Mirrored:
-    """The triangles that smooth surfaces mirror, and what each emits and mirrors."""
+class _Surfaces:
+    """The triangles of a scene without holes, and what each emits and mirrors."""
 
     def __init__(self, runtime: Runtime, scene: Scene) -> None:
         self.bvh = scene_bvh(scene, runtime)
@@ -66,16 +67,6 @@ class _Mirrored:
         self.surfaces = runtime.array(surfaces[scene.material_ids].astype(np.float32).ravel())
 
 
-def _mirrored(scene: Scene, runtime: Runtime) -> _Mirrored | None:
-    """Return what smooth surfaces of a scene mirror; None where there are none, or alpha cuts holes that rays would
-    not pass."""
-    used = scene.used_materials
-    if not any(m.is_glossy and m.gloss >= REFLECT_SMOOTH for m in used) or scene.has_holes:
-        return None
-    kept: _Mirrored = runtime.prepared((_Mirrored, scene.key), lambda: _Mirrored(runtime, scene), of=scene)
-    return kept
-
-
 @dataclass(frozen=True, kw_only=True)
 class ReflectionsParams(Params):
     """Parameters of reflections.
@@ -84,10 +75,10 @@ class ReflectionsParams(Params):
     """
 
     rays: int = param(1, "rays of a pixel; the mean of 256 pixels is taken, of sharp lobes of 16", low=1, high=64)
-    steps: int = param(64, "steps of a ray on the screen, at most", low=1, high=1024, unit="px")
+    steps: int = param(64, "steps of a ray on the screen, at most; in scenes with holes", low=1, high=1024, unit="px")
     thickness: float = param(
         2.0,
-        "what surfaces that the image shows are taken to be thick",
+        "what surfaces that the image shows are taken to be thick, in scenes with holes",
         low=0.0,
         high=256.0,
         unit="cells of the occupancy grid",
@@ -105,8 +96,8 @@ class ReflectionsKeywords(TypedDict, total=False):
 class Reflections(Prepared[ReflectionsParams]):
     """Light that surfaces reflect by their Phong lobes, prepared for images of one size.
 
-    Rays are followed on the screen (McGuire and Mara 2014, "Efficient GPU Screen-Space Ray
-    Tracing"), from there through the occupancy grid, and environments are looked up over the solid
+    Rays meet the triangles of the scene, in scenes with holes what the image shows (McGuire and Mara 2014,
+    "Efficient GPU Screen-Space Ray Tracing") and the occupancy grid. Environments are looked up over the solid
     angle of a ray (Krivanek and Colbert 2008, "Real-time Shading with Filtered Importance
     Sampling"). Departs: where a ray is blocked by what the image does not show, a coarse volume
     of what surfaces send has its radiance, the same to all sides.
@@ -135,8 +126,8 @@ class Reflections(Prepared[ReflectionsParams]):
         light: Plane,
         lights: Sequence[Light],
         shadows: Sequence[ShadowMap | None],
-        occupancy: Occupancy,
         volume: LightVolume,
+        occupancy: Occupancy | None = None,
         scene: Scene | None = None,
     ) -> None:
         """Queue the passes that add what lobes reflect to the plane of radiance.
@@ -147,25 +138,18 @@ class Reflections(Prepared[ReflectionsParams]):
             light: irradiance by all light over pi.
             lights: any; environments without suns.
             shadows: an entry for each light, see `PunctualLights`.
-            occupancy: what blocks rays that leave the image, in the camera's view space.
             volume: what surfaces of the scene send.
-            scene: whose triangles smooth surfaces mirror; None: they are treated as others are.
+            occupancy: what blocks rays that leave the image, in the camera's view space.
+            scene: without holes, whose triangles rays meet in place of the image and of `occupancy`.
         """
-        mirrored = None if scene is None else _mirrored(scene, self.runtime)
         self._sky.set(environments_of(lights))
-        params = self._packed(gbuffer, occupancy, volume, scene if mirrored is not None else None)
+        params = self._packed(gbuffer, occupancy, volume, scene)
         seen: dict[str, Any] = {
             "linear": gbuffer.linear,
             "normal": gbuffer.normal,
             "albedo": gbuffer.albedo,
             "specular": gbuffer.specular,
             "gloss": gbuffer.gloss,
-        }
-        macros = {
-            "REFLECT_RAYS": self.params.rays,
-            "REFLECT_STEPS": self.params.steps,
-            "REFLECT_MIRRORS": int(mirrored is not None),
-            **occupancy.macros,
         }
         with self._reflected.over(gbuffer.seen) as (reflected, over):
             arriving: dict[str, Any] = {
@@ -180,19 +164,10 @@ class Reflections(Prepared[ReflectionsParams]):
                 "camera": gbuffer.camera_struct,
                 "params": params,
             }
-            self.runtime.kernel("reflections/reflect_trace.cl", macros, (CAMERA, REFLECT)).run(
-                self.size, region=over, **arriving, **occupancy.arguments
+            name, macros, blocking = self._blocking(occupancy, scene)
+            self.runtime.kernel(name, {"REFLECT_RAYS": self.params.rays, **macros}, (CAMERA, REFLECT)).run(
+                self.size, region=over, **arriving, **blocking
             )
-            if mirrored is not None:
-                few = {"REFLECT_RAYS": self.params.rays}
-                self.runtime.kernel("reflections/reflect_mirror.cl", few, (CAMERA, REFLECT)).run(
-                    self.size,
-                    region=over,
-                    **arriving,
-                    nodes=mirrored.bvh.nodes,
-                    triangles=mirrored.bvh.triangles,
-                    surfaces=mirrored.surfaces,
-                )
             mean = self.runtime.transient.plane(3, self.size)
             passes = ((reflected, mean, 1), (mean, radiance, STRIDE))
             for source, target, stride in passes:
@@ -212,22 +187,35 @@ class Reflections(Prepared[ReflectionsParams]):
         # Last, as rays would find the lights' highlights once in a thousand pixels.
         self._lights.add_lobes(radiance, gbuffer, lights, shadows=shadows)
 
-    def _packed(self, gbuffer: DeviceGBuffer, occupancy: Occupancy, volume: LightVolume, mirrored: Scene | None) -> Any:
+    def _blocking(self, occupancy: Occupancy | None, scene: Scene | None) -> tuple[str, dict[str, int], dict[str, Any]]:
+        """Return the kernel that follows rays, its macros, and what blocks them."""
+        runtime = self.runtime
+        if scene is None:
+            assert occupancy is not None  # noqa: S101  one of the two is given
+            macros = {"REFLECT_STEPS": self.params.steps, **occupancy.macros}
+            return "reflections/reflect_trace.cl", macros, occupancy.arguments
+        kept: _Surfaces = runtime.prepared((_Surfaces, scene.key), lambda: _Surfaces(runtime, scene), of=scene)
+        met = {**kept.bvh.first, "surfaces": kept.surfaces}
+        return "reflections/reflect_mirror.cl", kept.bvh.first_macros, met
+
+    def _packed(
+        self, gbuffer: DeviceGBuffer, occupancy: Occupancy | None, volume: LightVolume, scene: Scene | None
+    ) -> Any:
         """Upload the volume unless it is that of the latest run; return the struct `REFLECT`."""
         camera = camera_of(gbuffer, self.size)
         if volume is not self._volume:
             self._volume = volume
             self._cells, self._records = device_volume(self.runtime, volume)
         reach = volume.extent
-        per_unit = float(np.float32(1.0 / occupancy.unit))  # as kernels round it
+        per_unit = 1.0 if occupancy is None else float(np.float32(1.0 / occupancy.unit))  # as kernels round it
         x, y, z = ((camera.position - volume.low) / volume.side).tolist()
-        eye = np.zeros(3) if mirrored is None else camera.position - mirrored.origin
+        eye = np.zeros(3) if scene is None else camera.position - scene.origin
         return REFLECT.pack(
             {
                 "eye_x": eye[0],
                 "eye_y": eye[1],
                 "eye_z": eye[2],
-                "perfect": np.inf if mirrored is None else PERFECT,
+                "perfect": np.inf if scene is None else PERFECT,
                 "cell_x": x,
                 "cell_y": y,
                 "cell_z": z,
@@ -235,7 +223,7 @@ class Reflections(Prepared[ReflectionsParams]):
                 "per_cell": 1.0 / (per_unit * volume.side),
                 **rotation_values(camera.view[:3, :3].T),
                 "reach": reach,
-                "thick": self.params.thickness * reach / occupancy.cells,
+                "thick": 0.0 if occupancy is None else self.params.thickness * reach / occupancy.cells,
                 "texels_per_angle": self._sky.texels_per_angle,
                 "levels": self._sky.count,
                 "margin_columns": gbuffer.margin[1],
@@ -310,25 +298,29 @@ def reflections(
     if not device.mirrors:
         return np.array(radiance, np.float32)
     surfaces: Radiosity = runtime.prepared((Radiosity, sent.shape()), lambda: Radiosity(runtime, sent))
-    grid: OccupancyGrid = runtime.prepared((OccupancyGrid, sent.grid), lambda: OccupancyGrid(runtime, sent.grid, size))
+    exact, blocked = rays_meet_triangles(scene), None
     technique: Reflections = runtime.prepared(
         (Reflections, size, chosen.shape()), lambda: Reflections(runtime, size, chosen)
     )
     technique.params = chosen
     shadows = uploaded_maps(lights, shadow_maps, runtime)
     maps = on_device_rsms([rsm for rsm in shadow_maps or () if rsm is not None], runtime)
-    corners = box_corners(scene.bounds)
-    half = float(np.abs(corners @ camera.view[:3, :3].T + camera.view[:3, 3]).max())
+    half = float(np.abs(box_corners(scene.bounds) @ camera.view[:3, :3].T + camera.view[:3, 3]).max())
     with runtime.frame():
+        if not exact:
+            grid: OccupancyGrid = runtime.prepared(
+                (OccupancyGrid, sent.grid), lambda: OccupancyGrid(runtime, sent.grid, size)
+            )
+            blocked = grid.fill_scene(device_scene(scene, runtime), camera.view, half, -half, half)
         technique.run(
             device,
             planes["radiance"],
             light=planes["irradiance"],
             lights=lights,
             shadows=shadows,
-            occupancy=grid.fill_scene(device_scene(scene, runtime), camera.view, half, -half, half),
             volume=surfaces.run(scene, lights, rsms=maps).volume(),
-            scene=scene,
+            occupancy=blocked,
+            scene=scene if exact else None,
         )
         return np.ascontiguousarray(np.moveaxis(planes["radiance"].download(), 0, -1))
 

@@ -16,6 +16,7 @@ from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.device.gbuffer import on_device
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.render import render
+from ssgi_cl.frame.renderer import Renderer
 from ssgi_cl.rasterize.raster.device_scene import DeviceScene
 from ssgi_cl.reference.direct.shade import world_surface
 from ssgi_cl.reference.phong import Lobes
@@ -55,6 +56,7 @@ def added(
     *,
     blocks: Scene = FAR_AWAY,
     volume: LightVolume | None = None,
+    by_triangles: bool = False,
 ) -> NDArray[np.float32]:
     """Return what `Reflections` adds to radiance, [rows, columns, 3]."""
     device = on_device(gbuffer, runtime)
@@ -71,8 +73,9 @@ def added(
             light=planes[1],
             lights=[environment],
             shadows=[None],
-            occupancy=occupancy,
             volume=volume or even(0.0),
+            occupancy=None if by_triangles else occupancy,
+            scene=blocks if by_triangles else None,
         )
         after = planes[0].download()
     return np.moveaxis(after, 0, -1) - np.asarray(radiance, np.float32)
@@ -180,8 +183,9 @@ def lobe_over_panel(position: Doubles, axis: Doubles, gloss: float) -> Doubles:
     return share
 
 
+@pytest.mark.parametrize("by_triangles", [False, True])
 @pytest.mark.parametrize(("gloss", "most"), [(10.0, 0.15), (100.0, 0.07)])
-def test_a_light_in_a_broad_lobe_is_one_light(runtime: Runtime, gloss: float, most: float) -> None:
+def test_a_light_in_a_broad_lobe_is_one_light(runtime: Runtime, gloss: float, most: float, by_triangles: bool) -> None:
     """Of 256 rays of a mean, at most 28 and 141 find the panel; with the same 16 in all tiles of 4 x 4 pixels, RMS
     is .59 and .16."""
     seen, position, wall, shines = panel_in_a_floor()
@@ -190,7 +194,7 @@ def test_a_light_in_a_broad_lobe_is_one_light(runtime: Runtime, gloss: float, mo
     gbuffer = replace(gbuffer, specular=np.where(wall[..., None], 0.0, gbuffer.specular))
     solid = quads(((-8, -0.3, -1.5), (16, 0, 0), (0, 6, 0)), ((-8, -0.3, -1.5), (0, 0, 16), (16, 0, 0)))
     radiance = np.where(shines[..., None], 10.0, 0.0) * np.ones(3)
-    found = added(runtime, gbuffer, radiance, 0.0, Environment(0.0), blocks=solid)
+    found = added(runtime, gbuffer, radiance, 0.0, Environment(0.0), blocks=solid, by_triangles=by_triangles)
     floor = ~wall & np.isfinite(np.asarray(seen.depth)) & (position[..., 2] > -1.0)
     floor[np.arange(360) % 3 > 0] = False
     axis = Lobes.of(gbuffer, *world_surface(gbuffer)[:2]).axis[floor]
@@ -200,10 +204,11 @@ def test_a_light_in_a_broad_lobe_is_one_light(runtime: Runtime, gloss: float, mo
     assert abs(off.mean()) < 0.02 * expected.mean()
 
 
-def test_no_sky_enters_a_closed_room(runtime: Runtime) -> None:
+@pytest.mark.parametrize("by_triangles", [False, True])
+def test_no_sky_enters_a_closed_room(runtime: Runtime, by_triangles: bool) -> None:
     """Rays that leave the image in a closed room take what its surfaces send.
 
-    Pixels within six cells of two walls begin in the cells of both and may be taken for outside.
+    In a grid pixels within six cells of two walls begin in the cells of both and may be taken for outside.
     """
     low, high = np.array((-2.0, -0.3, -2.0)), np.array((2.0, 2.5, 2.9))
     x, y, z = ((high - low) * np.eye(3)).tolist()
@@ -215,11 +220,12 @@ def test_no_sky_enters_a_closed_room(runtime: Runtime) -> None:
     planes = [Plane(a, n) for n in ((1, 0, 0), (0, 1, 0), (0, 0, 1))]
     planes += [Plane(b, n) for n in ((-1, 0, 0), (0, -1, 0), (0, 0, -1))]
     gbuffer = glossy(trace(made, planes), 2000.0)
-    found = added(runtime, gbuffer, 3.0, 0.0, Environment(1000.0), blocks=room, volume=even(3.0))
+    sky, volume = Environment(1000.0), even(3.0)
+    found = added(runtime, gbuffer, 3.0, 0.0, sky, blocks=room, volume=volume, by_triangles=by_triangles)
     assert gbuffer.specular is not None
     position = made.unproject(np.asarray(gbuffer.depth))
     apart = np.sort(np.minimum(position - low, high - position), axis=-1)
-    found = found[apart[..., 1] > 6.0 * 2.0 * HALF / CUBE]
+    found = found[apart[..., 1] > (0.0 if by_triangles else 6.0 * 2.0 * HALF / CUBE)]
     assert len(found) > 1000
     expected = 3.0 * np.array((0.5, 0.4, 0.3))
     # What of lobes lies below the surface is lost at grazing angles alone.
@@ -449,6 +455,19 @@ def test_mirrors_show_mirrors(runtime: Runtime) -> None:
     np.testing.assert_allclose(shown, np.broadcast_to(expected, shown.shape), rtol=0.01)
     found = (np.abs(radiance - expected) < 0.01 * expected).all(axis=-1)
     assert not (found & (inside < -0.03)).any()
+
+
+def test_a_frame_without_holes_fills_no_grid_for_its_reflections(runtime: Runtime) -> None:
+    metal = Material(albedo=(0.0, 0.0, 0.0), specular=(0.9, 0.8, 0.7), gloss=20.0)
+    scene = replace(quads(((-8.0, 0.0, -8.0), (0.0, 0.0, 16.0), (16.0, 0.0, 0.0)), *PANELS), materials=(metal,))
+    made = Camera.look_at((0.0, 1.6, 4.0), (0.0, 0.3, -0.5), width=48, height=32)
+    renderer = Renderer(runtime, (32, 48))
+    renderer(scene, made, [Environment(1.0)])  # places surfels in a grid
+    moved = Camera.look_at((0.1, 1.6, 4.0), (0.0, 0.3, -0.5), width=48, height=32)
+    frame = renderer(scene, moved, [Environment(1.0)])
+    ran = {each.name for each in frame.passes if not each.skipped}
+    assert "reflect_mirror" in ran
+    assert not ran & {"reflect_trace", "occupancy_voxelize", "occupancy_reach"}
 
 
 def test_what_is_matt_is_left_alone(runtime: Runtime, rng: np.random.Generator) -> None:

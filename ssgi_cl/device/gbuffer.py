@@ -56,7 +56,7 @@ class DeviceGBuffer:
             share of the light from behind that passes it; of surfaces that are seen through.
         world: how long `normal_world` stays: "kept"; "until released" by `release_world`; or
             "until derived", when `normal` takes its memory over. With `deferred` it is there if it was given.
-        sides: what `ssdo_bitmask.closed_sides` found in the current contents, None if it did not look.
+        sides: what `ssdo_bitmask.paired_layers` found in the current contents, None if it did not look.
         thickness: 1 image or one for each layer, scene units, -1 where it is not known; or None if the contents have
             none.
         motion: 3 images, columns and rows to the previous image in pixels, and the change of depth; asked for, it is

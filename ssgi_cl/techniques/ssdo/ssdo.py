@@ -30,7 +30,7 @@ from ssgi_cl.techniques.direct.light_data import PunctualLights
 from ssgi_cl.techniques.direct.shadow_maps import checked_lights, uploaded_maps
 from ssgi_cl.techniques.direct.sky import Sky
 from ssgi_cl.techniques.radius import sensible_radius
-from ssgi_cl.techniques.ssdo.ssdo_bitmask import SsdoBitmask, SsdoBitmaskParams, closed_sides
+from ssgi_cl.techniques.ssdo.ssdo_bitmask import SsdoBitmask, SsdoBitmaskParams, paired_layers
 from ssgi_cl.techniques.ssdo.ssdo_params import METHODS, SsdoKeywords, SsdoParams
 from ssgi_cl.techniques.ssdo.ssdo_points import SsdoPoints
 from ssgi_cl.techniques.ssdo.ssdo_stages import (
@@ -198,7 +198,7 @@ class Ssdo(Prepared[SsdoParams]):
     def look(self, gbuffer: DeviceGBuffer) -> None:
         """Queue the pass that needs the G-buffer's normals in world space, if there is one."""
         if self.params.method == "bitmask":
-            closed_sides(gbuffer)
+            paired_layers(gbuffer)
 
     def _split(
         self,

@@ -20,7 +20,7 @@ from ssgi_cl.techniques.source import Source
 OWN = Struct("SsdoBitmaskParams", floats("back", *ROTATION))
 
 MOST_LAYERS = 31
-"""Limit of the layers in which `closed_sides` finds pairs: one bit of an int for each."""
+"""Limit of the layers in which `paired_layers` finds pairs: one bit of an int for each."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,7 +134,7 @@ class SsdoBitmask(Prepared[SsdoBitmaskParams]):
                 f"{counts[1]} of {gbuffer.whole}"
             )
         lookup = None if sky is None else sky.map
-        facing = closed_sides(gbuffer)
+        facing = paired_layers(gbuffer)
         sides = None if facing is None else scan.sorted(facing, gbuffer.region)
         inv_depth, slopes = scan.inv_depth(gbuffer, gbuffer.thickness), scan.slopes(gbuffer)
         sent = None if radiance is None else scan.sorted(radiance, gbuffer.region)
@@ -185,7 +185,7 @@ class SsdoBitmask(Prepared[SsdoBitmaskParams]):
         return light
 
 
-def closed_sides(gbuffer: DeviceGBuffer) -> Plane | None:
+def paired_layers(gbuffer: DeviceGBuffer) -> Plane | None:
     """Queue the pass that pairs the layers of closed surfaces by the direction of their normals.
 
     The result is kept with the contents of the G-buffer, whose world-space normals are not needed

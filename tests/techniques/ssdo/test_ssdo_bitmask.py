@@ -18,7 +18,7 @@ from ssgi_cl.reference.ssdo.ssdo_bitmask import sides_of, ssdo_bitmask_reference
 from ssgi_cl.techniques.ao.occlusion import RESOLUTIONS
 from ssgi_cl.techniques.direct.sky import Sky, filtered
 from ssgi_cl.techniques.filters.upsample import ReducedGBuffer
-from ssgi_cl.techniques.ssdo.ssdo_bitmask import SsdoBitmask, SsdoBitmaskParams, closed_sides
+from ssgi_cl.techniques.ssdo.ssdo_bitmask import SsdoBitmask, SsdoBitmaskParams, paired_layers
 
 from ..analytic import camera, scene
 from ..walls import wall_and_floor
@@ -229,7 +229,7 @@ def test_layers_that_bound_something_closed_are_paired(variant_runtime: Runtime,
     gbuffer = GBuffer(
         camera=made, depth=depth.astype(np.float32), normal=(signs[..., None] * towards).astype(np.float32)
     )
-    plane = closed_sides(uploaded(variant_runtime, gbuffer))
+    plane = paired_layers(uploaded(variant_runtime, gbuffer))
     assert plane is not None
     wanted = np.array(list(STACKS.values())).T[:, None]
     np.testing.assert_array_equal(plane.download(), wanted)
@@ -238,4 +238,4 @@ def test_layers_that_bound_something_closed_are_paired(variant_runtime: Runtime,
 
 def test_one_layer_with_normals_says_nothing(runtime: Runtime) -> None:
     for layers in (1, 2):
-        assert closed_sides(DeviceGBuffer(runtime, (1, 4), layers=layers)) is None
+        assert paired_layers(DeviceGBuffer(runtime, (1, 4), layers=layers)) is None

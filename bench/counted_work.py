@@ -6,9 +6,9 @@ notes the launches (with --build-options as in tests/stress/test_memory.py), `py
 they had. What is counted is a work-item's: that of image kernels does not grow with the image.
 
 `--rays FOLDER` draws frames with rays against triangles in place of the others. An hour does not suffice to
-simulate them in full: the first run, without the simulator, keeps in FOLDER what kernels write on the device; the
-second, in the simulator, runs some work-groups of each (`FEW`) and goes on with what is kept; a third makes the
-record.
+simulate them in full: the first run, without the simulator, keeps in FOLDER what kernels write on the device;
+the second, in the simulator, runs some work-groups of each (`FEW`) and goes on with what is kept; a third makes
+the record.
 """
 
 from __future__ import annotations
@@ -65,8 +65,8 @@ FEW = {
     "occupancy_voxelize": 1, "occupancy_reach": 1, "occupancy_clear": 1, "raster_fill": 4, "raster_tiles": 2,
     "sky_openness": 3, "sampled_depth": 0, "vpl_partial_sums": 1, "vpl_place": 3, "vpl_to_view": 3, "gtao": 3,
 }  # fmt: skip
-"""Likewise of kernels that are counted if they are not yet, as are others, which are run in full. In `sampled_depth`
-one work-group has all texels of its views, for which minutes do not suffice."""
+"""Likewise of kernels that are counted if they are not yet, as are others, which are run in full. In
+`sampled_depth` one work-group has all texels of its views, for which minutes do not suffice."""
 _ARITHMETIC = re.compile(
     r"f?(?:add|sub|mul|neg|cmp)|[fsu]div|[fsu]rem|icmp|and|or|xor|shl|[al]shr|select|[su]itofp|fpto[su]i|call _Z.*"
 )
@@ -118,7 +118,8 @@ PIXELS = 3840 * 2160
 OF_PARTS = ("bounce", "direct", "divide", "emission", "escape", "met", "rays", "room", "seen")
 """Kernels of radiosity that have a work-item for each part of a surfel, or fewer."""
 GATHER_RAYS = 1.6
-"""Rays of a work-item of final_gather, the mean of those that `--rays` counts: many have no point in small images."""
+"""Rays of a work-item of final_gather, the mean of those that `--rays` counts: many have no point in small
+images."""
 ITEMS = {f"radiosity_{name}": 1 << 19 for name in OF_PARTS} | {
     "radiosity_start": 1 << 15,
     "radiosity_sky": 1 << 15,
@@ -128,8 +129,8 @@ ITEMS = {f"radiosity_{name}": 1 << 19 for name in OF_PARTS} | {
     "final_gather": int(final_gather.RAYS_AT_ONCE / GATHER_RAYS),
     "vpl_splat": PIXELS // vpl_splat.ROWS,
 }
-"""Work-items of a launch of kernels, for predictions, at most; those of others are `PIXELS`. Launches of final_gather
-are split."""
+"""Work-items of a launch of kernels, for predictions, at most; those of others are `PIXELS`. Launches of
+final_gather are split."""
 
 
 def predicted_ms(work: Work, items: int, ceilings: Ceilings) -> float:
@@ -182,8 +183,8 @@ def per_item(launches: Iterable[tuple[str, int, float]], log: Iterable[str]) -> 
     """Return the mean work of a work-item of each kernel.
 
     Args:
-        launches: kernel, number of work-items, and for how many launches like it this one stands (0: it does not
-            count), in order.
+        launches: kernel, number of work-items, and for how many launches like it this one stands (0: it does
+            not count), in order.
         log: lines of the simulator, of the same launches or of the first of them.
     """
     sums: dict[str, list[float]] = defaultdict(lambda: [0.0] * 4)
@@ -205,7 +206,10 @@ def _spread(work: Sequence[int], local: Sequence[int], few: int) -> Iterator[tup
 
 
 def _draw(path: Path, kept: Path | None) -> None:
-    """Draw frames and call techniques on the first device, and note the launches; with rays if a folder is given."""
+    """Draw frames and call techniques on the first device, and note the launches.
+
+    With a folder the frames are those with rays, and it keeps or gives what kernels write.
+    """
     cl = opencl()
     noted: list[tuple[str, int, float]] = []
     left_out: set[str] = set()

@@ -1,10 +1,10 @@
-"""Every technique, as `ssgi_cl.bench.every` has them, with what the host writes to buffers written by kernels.
+"""Every technique, as `ssgi_cl.bench.every` has them; what the host writes to buffers, kernels write here.
 
-oclgrind 21.10 forgets what it knows of a buffer where the host writes to it: of that write's length, counted from the
-buffer's start, is all that it then takes for initialised, and of a fill a single element. So it complains of memory
-that was filled whole, and of kernels' results beside what the host wrote. Kernels' writes it follows exactly.
-`test_memory.py` shows both. Of a buffer that is made when another is gone it believes what it knew of the other: all
-are kept.
+oclgrind 21.10 forgets what it knows of a buffer where the host writes to it: it then knows as many bytes from
+the buffer's start on as that write has, and after a fill those of one element. So it complains of memory that
+was filled whole, and of kernels' results beside what the host wrote. Kernels' writes it follows exactly.
+`test_memory.py` shows both. Of a buffer that is made when another is gone it believes what it knew of the other:
+all are kept.
 """
 
 from __future__ import annotations

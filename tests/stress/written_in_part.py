@@ -1,4 +1,4 @@
-"""A kernel that reads memory of which the host wrote a part after a kernel wrote all of it, or that nothing wrote."""
+"""A kernel that reads memory: all a kernel's, and a part the host's since then; or written by nothing."""
 
 from __future__ import annotations
 

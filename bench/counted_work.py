@@ -3,8 +3,12 @@
 `oclgrind --inst-counts python -m ssgi_cl.bench.counted_work FILE > LOG` draws small frames with default settings and
 notes the launches (with --build-options as in tests/stress/test_memory.py), `python -m ssgi_cl.bench.counted_work FILE
 --log LOG` makes `counted_work.json` of both; of a log that ends early, what it has, and kernels that it lacks keep what
-they had. What is counted is a work-item's: that of image kernels does not grow with the image. `--rays` draws frames
-with rays against triangles in place of the others, of which the simulator runs some work-groups alone (`FEW`).
+they had. What is counted is a work-item's: that of image kernels does not grow with the image.
+
+`--rays FOLDER` draws frames with rays against triangles in place of the others. An hour does not suffice to
+simulate them in full: the first run, without the simulator, keeps in FOLDER what kernels write on the device;
+the second, in the simulator, runs some work-groups of each (`FEW`) and goes on with what is kept; a third makes
+the record.
 """
 
 from __future__ import annotations
@@ -13,8 +17,9 @@ import json
 import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cache
+from itertools import count
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -24,10 +29,15 @@ import numpy as np
 
 import ssgi_cl as gi
 from ssgi_cl.core.atomic import replacement
+from ssgi_cl.device.arrays import Size
+from ssgi_cl.device.constants import REFLECT_SMOOTH
 from ssgi_cl.device.drivers import DeviceInfo, KernelVariant
+from ssgi_cl.device.kernel import Kernel
 from ssgi_cl.device.opencl import opencl
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import make_scene
+from ssgi_cl.techniques.multires import final_gather
+from ssgi_cl.techniques.vpl import vpl_splat
 
 from .drawn import polished
 
@@ -41,18 +51,22 @@ LIGHTS = 256
 """Virtual point lights."""
 RAY_SIZE, RAY_TEXELS, RAY_LIGHTS = (12, 16), 16, 64
 """Likewise with `--rays`."""
-FEW = {
-    "sky_probe": 1, "sky_rays": 3, "radiosity_sky": 1, "radiosity_rays": 3, "radiosity_bounce": 3, "final_gather": 3,
-    "shade_list": 3, "reflect_mirror": 3,
-    "radiosity_emission": 1, "radiosity_room": 1, "radiosity_seen": 1, "radiosity_met": 1,
-    "radiosity_start": 1, "radiosity_visibility": 2,
-    "radiosity_first": 2, "radiosity_direct": 2, "radiosity_mirror": 2, "radiosity_gather": 2,
-    "occupancy_voxelize": 1, "vpl_partial_sums": 1,
+ALL = 1 << 30
+"""Work-groups."""
+WITH_RAYS = {
+    "sky_probe": 1, "sky_rays": 3, "radiosity_start": 3, "radiosity_sky": 3, "radiosity_rays": 3,
+    "radiosity_bounce": 3, "radiosity_escape": 3, "radiosity_met": 3, "radiosity_room": 3, "radiosity_seen": 3,
+    "radiosity_divide": 3, "radiosity_emission": 3, "radiosity_direct": 3, "final_gather": ALL, "shade_list": ALL,
+    "reflect_mirror": ALL,
 }  # fmt: skip
-"""Kernel -> work-groups of a launch that the simulator runs with `--rays`, spread evenly; it takes an hour for some of
-these in full. What the others would have written is not there for later kernels."""
-WITH_RAYS = tuple(FEW)[:8]
-"""Of these, those that `--rays` counts; of other kernels it counts what is not counted yet."""
+"""Kernel that `--rays` counts -> work-groups of a launch that the simulator runs, spread evenly."""
+FEW = {
+    **WITH_RAYS,
+    "occupancy_voxelize": 1, "occupancy_reach": 1, "occupancy_clear": 1, "raster_fill": 4, "raster_tiles": 2,
+    "sky_openness": 3, "sampled_depth": 0, "vpl_partial_sums": 1, "vpl_place": 3, "vpl_to_view": 3, "gtao": 3,
+}  # fmt: skip
+"""Likewise of kernels that are counted if they are not yet, as are others, which are run in full. In
+`sampled_depth` one work-group has all texels of its views, for which minutes do not suffice."""
 _ARITHMETIC = re.compile(
     r"f?(?:add|sub|mul|neg|cmp)|[fsu]div|[fsu]rem|icmp|and|or|xor|shl|[al]shr|select|[su]itofp|fpto[su]i|call _Z.*"
 )
@@ -101,8 +115,22 @@ GPUS = {
 }
 """Name -> ceilings as their makers state them."""
 PIXELS = 3840 * 2160
-ITEMS = {"radiosity_start": 1 << 15, "radiosity_sky": 1 << 15, "occupancy_voxelize": 1 << 16, "bvh_split": 1 << 17}
-"""Work-items of kernels whose number does not grow with the image, for predictions; those of others are `PIXELS`."""
+OF_PARTS = ("bounce", "direct", "divide", "emission", "escape", "met", "rays", "room", "seen")
+"""Kernels of radiosity that have a work-item for each part of a surfel, or fewer."""
+GATHER_RAYS = 1.6
+"""Rays of a work-item of final_gather, the mean of those that `--rays` counts: many have no point in small
+images."""
+ITEMS = {f"radiosity_{name}": 1 << 19 for name in OF_PARTS} | {
+    "radiosity_start": 1 << 15,
+    "radiosity_sky": 1 << 15,
+    "occupancy_voxelize": 1 << 16,
+    "bvh_split": 1 << 17,
+    "sky_openness": 1 << 16,
+    "final_gather": int(final_gather.RAYS_AT_ONCE / GATHER_RAYS),
+    "vpl_splat": PIXELS // vpl_splat.ROWS,
+}
+"""Work-items of a launch of kernels, for predictions, at most; those of others are `PIXELS`. Launches of
+final_gather are split."""
 
 
 def predicted_ms(work: Work, items: int, ceilings: Ceilings) -> float:
@@ -151,20 +179,22 @@ def parsed(lines: Iterable[str]) -> Iterator[tuple[str, Work]]:
         yield name, Work(*numbers)
 
 
-def per_item(launches: Iterable[tuple[str, int]], log: Iterable[str]) -> dict[str, Work]:
+def per_item(launches: Iterable[tuple[str, int, float]], log: Iterable[str]) -> dict[str, Work]:
     """Return the mean work of a work-item of each kernel.
 
     Args:
-        launches: kernel and number of work-items, in order.
+        launches: kernel, number of work-items, and for how many launches like it this one stands (0: it does
+            not count), in order.
         log: lines of the simulator, of the same launches or of the first of them.
     """
     sums: dict[str, list[float]] = defaultdict(lambda: [0.0] * 4)
-    for (name, items), (logged, work) in zip(launches, parsed(log), strict=False):
+    for (name, items, stands), (logged, work) in zip(launches, parsed(log), strict=False):
         if name != logged:
             raise ValueError(f"the log has a launch of {logged}: expected {name}, as was noted")
         for place, number in enumerate((work.operations, work.reads, work.bytes, items)):
-            sums[name][place] += number
-    return {name: Work(*(round(each / total[3], 2) for each in total[:3])) for name, total in sorted(sums.items())}
+            sums[name][place] += stands * number
+    counting = sorted((name, total) for name, total in sums.items() if total[3])
+    return {name: Work(*(round(each / total[3], 2) for each in total[:3])) for name, total in counting}
 
 
 def _spread(work: Sequence[int], local: Sequence[int], few: int) -> Iterator[tuple[int, int]]:
@@ -175,27 +205,38 @@ def _spread(work: Sequence[int], local: Sequence[int], few: int) -> Iterator[tup
         yield group % columns * local[0], group // columns * local[1]
 
 
-def _draw(path: Path, rays: bool) -> None:
-    """Draw frames and call techniques on the first device, and note the launches."""
+def _draw(path: Path, kept: Path | None) -> None:
+    """Draw frames and call techniques on the first device, and note the launches.
+
+    With a folder the frames are those with rays, and it keeps or gives what kernels write.
+    """
     cl = opencl()
-    noted: list[tuple[str, int]] = []
+    noted: list[tuple[str, int, float]] = []
+    left_out: set[str] = set()
     launch = cl.enqueue_nd_range_kernel
 
-    def note(queue: Any, kernel: Any, work: Sequence[int], *rest: Any) -> Any:
-        noted.append((kernel.function_name, prod(work)))
+    def note(queue: Any, kernel: Any, work: Sequence[int], *rest: Any, stands: float = 1.0) -> Any:
+        name = kernel.function_name
+        noted.append((name, prod(work), 0.0 if name in left_out else stands))
         path.write_text(json.dumps(noted), encoding="utf-8")
         return launch(queue, kernel, work, *rest)
 
     def noting(queue: Any, kernel: Any, work: Sequence[int], local: Sequence[int], *rest: Any) -> Any:
-        few = FEW.get(kernel.function_name, 0) if rays else 0
-        if few == 0 or prod(work) <= few * prod(local):
+        few = FEW.get(kernel.function_name, ALL) if simulated else ALL
+        if few == 0:
+            return cl.enqueue_marker(queue)
+        if prod(work) <= few * prod(local):
             return note(queue, kernel, work, local, *rest)
-        return [note(queue, kernel, local, local, first) for first in _spread(work, local, few)][-1]
+        stands = prod(work) / (few * prod(local))
+        return [note(queue, kernel, local, local, first, stands=stands) for first in _spread(work, local, few)][-1]
 
     cl.enqueue_nd_range_kernel = noting
+    final_gather.MOST_DEALT = 0  # a work-item has all rays of a point, as in large images
     runtime = Runtime(DeviceInfo("", 0, 0, "the first device", "gpu", 1), KernelVariant(1, "buffer"))
-    if rays:
-        _draw_rays(runtime)
+    simulated = kept is not None and kept.exists()
+    if kept is not None:
+        _keep_results(kept)
+        _draw_rays(runtime, left_out)
         return
     made = make_scene("cornell_box")
     rows, columns = SIZE
@@ -214,18 +255,56 @@ def _draw(path: Path, rays: bool) -> None:
     gi.multires_splat(gbuffer, rsm, LIGHTS, runtime=runtime)
 
 
-def _draw_rays(runtime: Runtime) -> None:
-    """Draw frames of all light, with rays against triangles, and of what is reflected, below a sky."""
+def _draw_rays(runtime: Runtime, left_out: set[str]) -> None:
+    """Draw frames of all light, with rays against triangles, and of what is reflected, below a sky.
+
+    From when a kernel's name is put into a set on, its launches do not count.
+    """
     made = make_scene("cornell_box")
     camera = made.camera(RAY_SIZE[1], RAY_SIZE[0])
     gbuffer = gi.rasterize.gbuffer(made.scene, camera, runtime=runtime)
     spot = next(light for light in made.lights if isinstance(light, gi.SpotLight))
     rsm = gi.rasterize.rsm(made.scene, spot, size=RAY_TEXELS, runtime=runtime)
     gi.sky_rays(gbuffer, [gi.Environment(1.0)], scene=made.scene, runtime=runtime)
+    gi.vpl_splat(gbuffer, rsm, LIGHTS, runtime=runtime)
     gi.multires_splat(gbuffer, rsm, RAY_LIGHTS, visibility=True, scene=made.scene, runtime=runtime)
     sizes: dict[str, Any] = {"vpls": RAY_LIGHTS, "shadow_size": RAY_TEXELS, "rsm_size": RAY_TEXELS, "runtime": runtime}
     gi.render(made.scene, camera, made.lights, edges=0, **sizes)
-    gi.render(polished(made.scene), camera, [*made.lights, gi.Environment(1.0)], preset="low", edges=0, **sizes)
+    sky, glossy = [gi.Environment(1.0)], polished(made.scene)
+    gi.render(glossy, camera, [*made.lights, *sky], preset="low", edges=0, **sizes)
+    left_out.add("reflect_trace")  # nothing is left for it where all is smooth
+    smooth = replace(glossy, materials=tuple(replace(each, gloss=REFLECT_SMOOTH) for each in glossy.materials))
+    gbuffer = gi.rasterize.gbuffer(smooth, camera, attributes="all", runtime=runtime)
+    few = gi.RadiosityParams(surfels=64, bounces=1)
+    gi.reflections(gbuffer, np.ones((*RAY_SIZE, 3), np.float32), sky, scene=smooth, radiosity=few, runtime=runtime)
+
+
+def _keep_results(folder: Path) -> None:
+    """Keep what kernels write from now on in a folder; if it is there already, they write what it has."""
+    given = folder.exists()
+    folder.mkdir(parents=True, exist_ok=True)
+    numbers = count()
+    run = Kernel.run
+
+    def running(kernel: Kernel, size: Size, /, **arguments: Any) -> None:
+        run(kernel, size, **arguments)
+        cl, queue = opencl(), kernel.runtime.queue
+        written = (each.name for each in kernel.signature.parameters if each.written)
+        buffers = {name: arguments[name].buffer for name in written if arguments[name] is not None}
+        file = folder / f"{next(numbers)}_{kernel.name}.npz"
+        if not given:
+            results = {name: np.empty(buffer.size, np.uint8) for name, buffer in buffers.items()}
+            for name, buffer in buffers.items():
+                cl.enqueue_copy(queue, results[name], buffer)
+            np.savez(file, **results)  # type: ignore[arg-type]  # numpy's own names are not a kernel's
+            return
+        kept = np.load(file)
+        for name, buffer in buffers.items():
+            if kept[name].nbytes != buffer.size:
+                raise ValueError(f"{file} has {kept[name].nbytes} bytes of {name}: expected {buffer.size}")
+            cl.enqueue_copy(queue, buffer, kept[name])
+
+    Kernel.run = running  # type: ignore[method-assign]
 
 
 def _write_page() -> None:
@@ -239,8 +318,8 @@ def _write_page() -> None:
 @click.command()
 @click.argument("launches", type=click.Path(path_type=Path))
 @click.option("--log", type=click.Path(path_type=Path, exists=True), help="Make the record of this log.")
-@click.option("--rays", is_flag=True, help="Count rays against triangles.")
-def main(launches: Path, log: Path | None, rays: bool) -> None:
+@click.option("--rays", type=click.Path(path_type=Path), help="Count rays against triangles, with results kept here.")
+def main(launches: Path, log: Path | None, rays: Path | None) -> None:
     """Note LAUNCHES, a JSON file, while a simulator counts; or record what it has counted."""
     if log is None:
         _draw(launches, rays)

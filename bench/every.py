@@ -11,7 +11,7 @@ from ssgi_cl.device.runtime import Runtime
 from .calls import CALLS as TECHNIQUES
 from .calls import Array, Inputs, inputs
 
-__all__ = ["TECHNIQUES", "Array", "Inputs", "inputs", "main", "results"]
+__all__ = ["TECHNIQUES", "Array", "Inputs", "everything", "inputs", "main", "opened", "results"]
 
 
 def results(given: Inputs, runtime: Runtime, names: Any = TECHNIQUES) -> dict[str, Array]:
@@ -23,16 +23,25 @@ def results(given: Inputs, runtime: Runtime, names: Any = TECHNIQUES) -> dict[st
     return found
 
 
-def main(lanes: int, storage: str) -> None:
-    """Run everything, as small as may be, on the first device that the loader has.
+def opened(lanes: int, storage: str) -> Runtime:
+    """Return the first device that the loader has, with one kernel variant."""
+    return Runtime(DeviceInfo("", 0, 0, "the first device", "cpu", 1), KernelVariant(lanes, storage))
 
-    For tools that watch a program, such as `oclgrind python -m ssgi_cl.bench.every 1 buffer`.
-    """
-    runtime = Runtime(DeviceInfo("", 0, 0, "the first device", "cpu", 1), KernelVariant(lanes, storage))
+
+def everything(runtime: Runtime) -> None:
+    """Run everything, as small as may be, and print its names."""
     given = inputs(runtime, (6, 8), 4)
     for name in TECHNIQUES:
         print(name, flush=True)
         results(given, runtime, [name])
+
+
+def main(lanes: int, storage: str) -> None:
+    """Run everything on the first device that the loader has.
+
+    For tools that watch a program, such as `oclgrind python -m ssgi_cl.bench.every 1 buffer`.
+    """
+    everything(opened(lanes, storage))
 
 
 if __name__ == "__main__":

@@ -46,9 +46,17 @@ Instructions executed for kernel 'other':
 def test_a_log_of_the_simulator_is_summed_up() -> None:
     # A fused multiply-add is two operations; private memory is none; constants are reads without traffic.
     assert list(parsed(LOG)) == [("twice", Work(500, 350, 1600)), ("other", Work(7, 0, 0))]
-    assert per_item([("twice", 100), ("other", 7)], LOG) == {"other": Work(1, 0, 0), "twice": Work(5, 3.5, 16)}
+    launches = [("twice", 100, 1.0), ("other", 7, 3.0)]
+    assert per_item(launches, LOG) == {"other": Work(1, 0, 0), "twice": Work(5, 3.5, 16)}
     with pytest.raises(ValueError, match="the log has a launch of twice: expected other"):
-        per_item([("other", 100)], LOG)
+        per_item([("other", 100, 1.0)], LOG)
+
+
+def test_launches_count_as_often_as_they_stand_for_others() -> None:
+    log = "\n".join(LOG).replace("'other'", "'twice'").splitlines()
+    launches = [("twice", 100, 1.0), ("twice", 7, 100.0)]
+    assert per_item(launches, log) == {"twice": Work(round((500 + 700) / 800, 2), round(350 / 800, 2), 2)}
+    assert per_item([(name, items, 0.0) for name, items, _ in launches], log) == {}
 
 
 @pytest.mark.parametrize(

@@ -55,12 +55,14 @@ reflect_mirror(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo, ssgi_pla
     const vfloat u = ssgi_load(linear, whole, 0, at_x, at_y);
     const SsgiLobe lobe = ssgi_lobe(albedo, specular, gloss, whole, at_x, at_y);
     const vmask there = lobe.there & v_lt(u, v_splat(INFINITY));
+#if SSGI_LANES > 1 // a work-item alone comes to the same end as soon
     if (!v_any(there)) {
         for (int c = 0; c < 3; ++c) {
             ssgi_store(zero, reflected, size, c, x, y, 0.0f);
         }
         return;
     }
+#endif
     const bool perspective = camera.perspective != 0.0f;
     const vfloat known = v_select(v_splat(1.0f), u, there);
     const vfloat depth = perspective ? 1.0f / known : known;

@@ -367,8 +367,8 @@ def test_expected_error_is_that_of_the_scenes_for_tuning(runtime: Runtime) -> No
 
 @pytest.mark.parametrize("given", [{}, {"samples": 5}], ids=str)
 def test_ssao_takes_what_is_not_given_from_the_preset(runtime: Runtime, steps: GBuffer, given: dict[str, Any]) -> None:
-    a = ssao(steps, 0.6, preset="low", runtime=runtime, **given)
-    values = {**presets.parameters("ssao", "low"), **given}
+    a = ssao(steps, 0.6, preset="ultra", runtime=runtime, **given)
+    values = {**presets.parameters("ssao", "ultra"), **given}
     np.testing.assert_array_equal(a, ssao(steps, 0.6, runtime=runtime, **values))
     assert (a != ssao(steps, 0.6, runtime=runtime, **given)).any()
 

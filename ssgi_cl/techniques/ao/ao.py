@@ -121,7 +121,7 @@ def ao(
         gbuffer: depth, and normals if there are any, with any layers and margin.
         radius: distance up to which surfaces occlude, scene units, > 0; by default 5 % of the picture's
             diagonal where surfaces are seen.
-        preset: "low", "medium", "high" or "ultra": the least expected error in at most 1, 2.25, 4 or 32 times
+        preset: "low", "medium", "high" or "ultra": the least expected error in at most 1, 2.3, 4 or 32 times
             the device time of GTAO's defaults; of a scene, of those and of drawing one layer with overscan. By
             default "medium".
         error: RMSE against cast rays, > 0: the fastest setting that is expected to err no more. It is a

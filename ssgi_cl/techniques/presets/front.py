@@ -14,13 +14,13 @@ from ssgi_cl.techniques import presets
 CHOSEN = ("ssao", "gtao", "bitmask_ao")
 """Techniques that are chosen from. HBAO is none of them: what attenuates with distance errs little where other errors
 happen to be opposite, as in the scenes for tuning, and up to 3.9 times as much as others elsewhere."""
-SHARE = {"low": 1.0, "medium": 2.25, "high": 4.0, "ultra": 32.0}
+SHARE = {"low": 1.0, "medium": 2.3, "high": 4.0, "ultra": 32.0}
 """Time of each preset over that of GTAO's defaults with as many layers, at most; of a scene over that of drawing one
 layer with overscan, and GTAO's defaults. From high to ultra is far: only the bitmask with many slices errs less than
 what high is."""
 OVERSCAN = 0.1
 """Of G-buffers that are drawn, where there is any: that of the records."""
-DRAWN_MS = {(1, 0.0): 2.5, (1, OVERSCAN): 3.3, (2, 0.0): 3.7, (2, OVERSCAN): 5.2, (4, 0.0): 5.9, (4, OVERSCAN): 7.8}
+DRAWN_MS = {(1, 0.0): 2.2, (1, OVERSCAN): 2.9, (2, 0.0): 3.1, (2, OVERSCAN): 4.8, (4, 0.0): 5.4, (4, OVERSCAN): 6.2}
 """(layers, overscan) -> device time of drawing, median over the scenes for tuning, where the records are from and at
 their size: what errors are weighed with, so that the same error gets the same setting everywhere."""
 SCANS = "ssgi-ao-front 1"

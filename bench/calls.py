@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from importlib import import_module
 from typing import Any
 
@@ -274,11 +275,20 @@ def carried(given: Inputs, runtime: Runtime) -> Iterator[Array]:
     yield radiosity(given.scene, given.lights, rsms=given.maps, runtime=runtime, **vars(FEW)).flux
 
 
+@lru_cache(maxsize=1)
+def with_holes(scene: Scene) -> Scene:
+    """Return a scene into which the alpha of a texture, opaque all over, may cut holes."""
+    cut = replace(scene.materials[0], texture=len(scene.textures), alpha_cutoff=0.5)
+    opaque = np.full((1, 1, 4), 255, np.uint8)
+    return replace(scene, materials=(cut, *scene.materials[1:]), textures=(*scene.textures, opaque))
+
+
 def mirrored(given: Inputs, runtime: Runtime) -> Iterator[Array]:
-    """Yield radiance of the room as if all of it were glossy, and as if it mirrored."""
+    """Yield radiance of the room as if all of it were glossy, as if it mirrored, and as if it had holes."""
     depth = np.asarray(given.gbuffer.depth)[0]
     smooth = tuple(replace(each, albedo=(0.3,) * 3, specular=(0.5,) * 3, gloss=1e4) for each in given.scene.materials)
-    for scene, gloss in ((given.scene, 60.0), (replace(given.scene, materials=smooth), 1e4)):
+    rooms = (given.scene, 60.0), (replace(given.scene, materials=smooth), 1e4), (with_holes(given.scene), 60.0)
+    for scene, gloss in rooms:
         yield reflections(
             replace(given.gbuffer, specular=np.full((*depth.shape, 3), 0.5), gloss=np.full(depth.shape, gloss)),
             given.image,

@@ -25,7 +25,7 @@ from ssgi_cl.techniques.technique import FIRST
 OTHER_FIRST = {"Radiosity": "scene", "Tonemap": "radiance"}
 """Classes whose first argument isn't the G-buffer."""
 NEEDED = {
-    "Reflections": {"light", "lights", "shadows", "occupancy", "volume"},
+    "Reflections": {"light", "lights", "shadows", "volume"},
     "SampledLights": {"scene"},
     "SkyRays": {"scene"},
     "AreaLights": {"scene"},

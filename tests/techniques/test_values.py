@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import ssgi_cl as gi
-from ssgi_cl.bench.calls import FEW
+from ssgi_cl.bench.calls import FEW, with_holes
 from ssgi_cl.bench.every import Inputs, inputs
 from ssgi_cl.core.params import Params, parameter_fields
 from ssgi_cl.device.runtime import Runtime
@@ -101,7 +101,7 @@ def mirrored(given: Inputs, **params: Any) -> Any:
         glossy,
         np.linspace(0.0, 1.0, given.image.size).reshape(given.image.shape),
         given.lights,
-        scene=given.scene,
+        scene=with_holes(given.scene),
         shadow_maps=[given.maps[0], None, None, None],
         radiosity=FEW,
         **params,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from importlib import import_module
 from typing import Any
 
@@ -45,7 +44,7 @@ from ssgi_cl.techniques.technique import Technique
 from ssgi_cl.techniques.temporal.accumulate import accumulate
 from ssgi_cl.techniques.vpl.vpl_splat import vpl_splat
 
-from .drawn import faded
+from .drawn import faded, with_holes
 
 Array = NDArray[Any]
 
@@ -273,14 +272,6 @@ FEW = RadiosityParams(surfels=16, bounces=2, vpls=16, directions=16, grid=32)
 def carried(given: Inputs, runtime: Runtime) -> Iterator[Array]:
     """Yield what surfaces send of the light of maps and of the sky."""
     yield radiosity(given.scene, given.lights, rsms=given.maps, runtime=runtime, **vars(FEW)).flux
-
-
-@lru_cache(maxsize=1)
-def with_holes(scene: Scene) -> Scene:
-    """Return a scene into which the alpha of a texture, opaque all over, may cut holes."""
-    cut = replace(scene.materials[0], texture=len(scene.textures), alpha_cutoff=0.5)
-    opaque = np.full((1, 1, 4), 255, np.uint8)
-    return replace(scene, materials=(cut, *scene.materials[1:]), textures=(*scene.textures, opaque))
 
 
 def mirrored(given: Inputs, runtime: Runtime) -> Iterator[Array]:

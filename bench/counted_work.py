@@ -212,12 +212,10 @@ def _draw(path: Path, kept: Path | None) -> None:
     """
     cl = opencl()
     noted: list[tuple[str, int, float]] = []
-    left_out: set[str] = set()
     launch = cl.enqueue_nd_range_kernel
 
     def note(queue: Any, kernel: Any, work: Sequence[int], *rest: Any, stands: float = 1.0) -> Any:
-        name = kernel.function_name
-        noted.append((name, prod(work), 0.0 if name in left_out else stands))
+        noted.append((kernel.function_name, prod(work), stands))
         path.write_text(json.dumps(noted), encoding="utf-8")
         return launch(queue, kernel, work, *rest)
 
@@ -236,7 +234,7 @@ def _draw(path: Path, kept: Path | None) -> None:
     simulated = kept is not None and kept.exists()
     if kept is not None:
         _keep_results(kept)
-        _draw_rays(runtime, left_out)
+        _draw_rays(runtime)
         return
     made = make_scene("cornell_box")
     rows, columns = SIZE
@@ -255,11 +253,8 @@ def _draw(path: Path, kept: Path | None) -> None:
     gi.multires_splat(gbuffer, rsm, LIGHTS, runtime=runtime)
 
 
-def _draw_rays(runtime: Runtime, left_out: set[str]) -> None:
-    """Draw frames of all light, with rays against triangles, and of what is reflected, below a sky.
-
-    From when a kernel's name is put into a set on, its launches do not count.
-    """
+def _draw_rays(runtime: Runtime) -> None:
+    """Draw frames of all light, with rays against triangles, and of what is reflected, below a sky."""
     made = make_scene("cornell_box")
     camera = made.camera(RAY_SIZE[1], RAY_SIZE[0])
     gbuffer = gi.rasterize.gbuffer(made.scene, camera, runtime=runtime)
@@ -272,7 +267,6 @@ def _draw_rays(runtime: Runtime, left_out: set[str]) -> None:
     gi.render(made.scene, camera, made.lights, edges=0, **sizes)
     sky, glossy = [gi.Environment(1.0)], polished(made.scene)
     gi.render(glossy, camera, [*made.lights, *sky], preset="low", edges=0, **sizes)
-    left_out.add("reflect_trace")  # nothing is left for it where all is smooth
     smooth = replace(glossy, materials=tuple(replace(each, gloss=REFLECT_SMOOTH) for each in glossy.materials))
     gbuffer = gi.rasterize.gbuffer(smooth, camera, attributes="all", runtime=runtime)
     few = gi.RadiosityParams(surfels=64, bounces=1)

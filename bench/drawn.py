@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from itertools import count
 
 import numpy as np
@@ -127,6 +128,14 @@ def polished(scene: Scene) -> Scene:
     """Return a scene all of whose materials mirror half of the light in a lobe."""
     materials = [replace(material, specular=(SPECULAR,) * 3, gloss=GLOSS) for material in scene.materials]
     return replace(scene, materials=tuple(materials))
+
+
+@lru_cache(maxsize=1)
+def with_holes(scene: Scene) -> Scene:
+    """Return a scene into which the alpha of a texture, opaque all over, may cut holes."""
+    cut = replace(scene.materials[0], texture=len(scene.textures), alpha_cutoff=0.5)
+    opaque = np.full((1, 1, 4), 255, np.uint8)
+    return replace(scene, materials=(cut, *scene.materials[1:]), textures=(*scene.textures, opaque))
 
 
 STEP = 1e-3

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 import ssgi_cl as gi
-from ssgi_cl.bench.drawn import polished
+from ssgi_cl.bench.drawn import polished, with_holes
 from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.device.gbuffer import on_device
 from ssgi_cl.device.runtime import Runtime
@@ -151,8 +151,7 @@ def test_radiance_is_the_sum_of_its_parts_dimmed_by_contacts_within_two_cells(
         monkeypatch.setattr(enclosed, "OPEN", 0.25)
     scene = cube(0.5, 0.0, sides=5)
     if holes:
-        cut = replace(scene.materials[0], texture=0, alpha_cutoff=0.5)
-        scene = replace(scene, materials=(cut,), textures=(np.full((1, 1, 4), 255, np.uint8),))
+        scene = with_holes(scene)
     camera = gi.Camera.look_at((-0.7, -0.7, 0.2), (-1.0, -1.0, 0.0), yfov=0.5, width=64, height=48)  # of an edge
     whole = FrameParams(preset="medium").whole
     assert whole is not None

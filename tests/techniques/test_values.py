@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 import ssgi_cl as gi
-from ssgi_cl.bench.calls import FEW, with_holes
+from ssgi_cl.bench.calls import FEW
+from ssgi_cl.bench.drawn import with_holes
 from ssgi_cl.bench.every import Inputs, inputs
 from ssgi_cl.core.params import Params, parameter_fields
 from ssgi_cl.device.runtime import Runtime

@@ -16,7 +16,6 @@ from ssgi_cl.frame.passes.resources import (
     SHADOWS,
 )
 from ssgi_cl.frame.stage import Declared, Stage
-from ssgi_cl.techniques.occupancy.scene_rays import rays_meet_triangles
 from ssgi_cl.techniques.reflections.reflections import Reflections
 
 
@@ -40,7 +39,7 @@ def reflections(build: Build) -> Stage:
             shadows=r[SHADOWS],
             volume=r[LIGHT_VOLUME](),
             occupancy=r[OCCUPANCY],
-            scene=r[CASTING] if rays_meet_triangles(r[CASTING]) else None,
+            scene=r[CASTING],
         )
         return radiance
 

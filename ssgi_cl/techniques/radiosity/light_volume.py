@@ -189,8 +189,7 @@ class SurfaceCells:
                     empty = empty[~there_too]
                 self._near[given, face] = found * FACES + face
                 area[given, face] = 0.0
-        self._area = area
-        self._seen = self._slots.sums(lit.area * self._shown, len(place))
+        self._shown_area = self._slots.sums(lit.area * self._shown, len(place))
         self.area = np.maximum(area / self.side**2, FAINT)
 
     @property
@@ -206,12 +205,12 @@ class SurfaceCells:
             also: pieces of some of the same surfaces, and what these send besides, [n, 3] W.
         """
         count = len(self.area)
-        radiance = self._slots.mean(flux * self._shown[:, None], self._seen)
+        radiance = self._slots.mean(flux * self._shown[:, None], self._shown_area)
         if also is not None:
             pieces, sent = also
             slots = _Slots.of(self._records(self._cell(pieces.position), pieces), pieces.normal)
             # Pieces are few: those of some surfaces may have missed a cell that others lie in.
-            radiance += slots.mean(sent, np.maximum(self._seen, slots.sums(pieces.area, count)))
+            radiance += slots.mean(sent, np.maximum(self._shown_area, slots.sums(pieces.area, count)))
         records = np.empty((count, FACES, 4), np.float32)
         records[..., :3] = np.minimum(radiance, BRIGHTEST).astype(np.float32).take(self._near, axis=0)
         records[..., 3] = self.area

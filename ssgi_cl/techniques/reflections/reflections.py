@@ -140,7 +140,7 @@ class Reflections(Prepared[ReflectionsParams]):
             shadows: an entry for each light, see `PunctualLights`.
             volume: what surfaces of the scene send.
             occupancy: what blocks rays that leave the image, in the camera's view space.
-            scene: without holes, whose triangles rays meet in place of the image and of `occupancy`.
+            scene: without holes, whose triangles rays meet where no `occupancy` is given.
         """
         self._sky.set(environments_of(lights))
         params = self._packed(gbuffer, occupancy, volume, scene)
@@ -190,10 +190,10 @@ class Reflections(Prepared[ReflectionsParams]):
     def _blocking(self, occupancy: Occupancy | None, scene: Scene | None) -> tuple[str, dict[str, int], dict[str, Any]]:
         """Return the kernel that follows rays, its macros, and what blocks them."""
         runtime = self.runtime
-        if scene is None:
-            assert occupancy is not None  # noqa: S101  one of the two is given
+        if occupancy is not None:
             macros = {"REFLECT_STEPS": self.params.steps, **occupancy.macros}
             return "reflections/reflect_trace.cl", macros, occupancy.arguments
+        assert scene is not None  # noqa: S101  one of the two is given
         kept: _Surfaces = runtime.prepared((_Surfaces, scene.key), lambda: _Surfaces(runtime, scene), of=scene)
         met = {**kept.bvh.first, "surfaces": kept.surfaces}
         return "reflections/reflect_mirror.cl", kept.bvh.first_macros, met
@@ -215,7 +215,7 @@ class Reflections(Prepared[ReflectionsParams]):
                 "eye_x": eye[0],
                 "eye_y": eye[1],
                 "eye_z": eye[2],
-                "perfect": np.inf if scene is None else PERFECT,
+                "perfect": PERFECT if occupancy is None else np.inf,
                 "cell_x": x,
                 "cell_y": y,
                 "cell_z": z,
@@ -298,7 +298,7 @@ def reflections(
     if not device.mirrors:
         return np.array(radiance, np.float32)
     surfaces: Radiosity = runtime.prepared((Radiosity, sent.shape()), lambda: Radiosity(runtime, sent))
-    exact, blocked = rays_meet_triangles(scene), None
+    blocked = None
     technique: Reflections = runtime.prepared(
         (Reflections, size, chosen.shape()), lambda: Reflections(runtime, size, chosen)
     )
@@ -307,7 +307,7 @@ def reflections(
     maps = on_device_rsms([rsm for rsm in shadow_maps or () if rsm is not None], runtime)
     half = float(np.abs(box_corners(scene.bounds) @ camera.view[:3, :3].T + camera.view[:3, 3]).max())
     with runtime.frame():
-        if not exact:
+        if not rays_meet_triangles(scene):
             grid: OccupancyGrid = runtime.prepared(
                 (OccupancyGrid, sent.grid), lambda: OccupancyGrid(runtime, sent.grid, size)
             )
@@ -320,7 +320,7 @@ def reflections(
             shadows=shadows,
             volume=surfaces.run(scene, lights, rsms=maps).volume(),
             occupancy=blocked,
-            scene=scene if exact else None,
+            scene=scene,
         )
         return np.ascontiguousarray(np.moveaxis(planes["radiance"].download(), 0, -1))
 

@@ -40,6 +40,7 @@ LOOK = 0.25
 _AROUND = np.array(sorted(itertools.product((-1, 0, 1), repeat=3), key=lambda step: sum(map(abs, step))))
 """Steps to cells and those around them, the nearest first."""
 
+Box = tuple[slice, slice, slice]
 Planes = Callable[[NDArray[np.intp], float], Doubles]
 """Takes for each piece the number of another in its cell, and a height above both, scene units.
 
@@ -148,7 +149,8 @@ class SurfaceCells:
         self._sides = np.stack([number[divided], len(place) + np.arange(len(divided))], axis=1).astype(np.int32)
         place = np.concatenate([place, divided])
         number[divided] = -1 - np.arange(len(divided))
-        nearest, occupied = _nearest(there), there
+        occupied, box = there, _box(there)
+        nearest = _nearest(there, box)
         self.cells = number[np.ravel_multi_index(tuple(nearest), shape)].reshape(shape)
         self._slots = _Slots.of(self._records(own, lit), lit.normal)
         black = _Slots.of(self._records(others, dark), dark.normal).sums(dark.area, len(place))
@@ -171,7 +173,7 @@ class SurfaceCells:
             if known.any():
                 there = np.zeros(CELLS**3, np.bool_)
                 there[place[known]] = True
-                nearest = _nearest(there)
+                nearest = _nearest(there, box)
                 alone &= ((middle[:, ::-1].T - 0.5 - nearest[:, place]) ** 2).sum(axis=0) > NEAR**2
                 given = np.flatnonzero(~known & ~alone)
                 cell = number[np.ravel_multi_index(tuple(nearest[:, around[given]]), shape)]
@@ -183,10 +185,11 @@ class SurfaceCells:
                 for step in _AROUND:
                     from_there = aside[given[empty]]
                     to = cells_at(from_there + step)
-                    other = self._resolved(number[to], from_there)
-                    there_too = occupied[to] & known[other]
-                    found[empty[there_too]] = other[there_too]
-                    empty = empty[~there_too]
+                    at = np.flatnonzero(occupied[to])
+                    other = self._resolved(number[to[at]], from_there[at])
+                    at, other = at[known[other]], other[known[other]]
+                    found[empty[at]] = other
+                    empty = np.delete(empty, at)
                 self._near[given, face] = found * FACES + face
                 area[given, face] = 0.0
         self._shown_area = self._slots.sums(lit.area * self._shown, len(place))
@@ -242,10 +245,18 @@ class SurfaceCells:
         """
         weight = pieces.area * self._shown
         group = cell * FACES + np.stack([pieces.normal, -pieces.normal], axis=-1).reshape(-1, FACES).argmax(axis=1)
-        order = np.lexsort((-weight, group))
-        names, first, member = np.unique(group[order], return_index=True, return_inverse=True)
-        member[order] = member.copy()
-        most = order[first]
+        names, member = np.unique(group, return_inverse=True)
+        by_group = np.argsort(member, kind="stable")
+        begins = np.searchsorted(member[by_group], np.arange(len(names)))
+
+        def heaviest(values: Doubles) -> NDArray[np.intp]:
+            """Return for each group the first of its pieces with the greatest value."""
+            own = values[by_group]
+            greatest = own == np.maximum.reduceat(own, begins)[member[by_group]]
+            place = np.where(greatest, np.arange(len(own)), len(own))
+            return by_group[np.minimum.reduceat(place, begins)]
+
+        most = heaviest(weight)
         total = np.bincount(member, weight, len(names))
         at = pieces.position + BEFORE * self.side * pieces.normal
         cells: list[NDArray[np.intp]] = []
@@ -259,8 +270,7 @@ class SurfaceCells:
             hidden = seen.any(axis=1) & exists[member]
             apart = np.bincount(member, np.where(hidden, weight, 0.0), len(names))
             # The plane that hides the heaviest of each group.
-            order = np.lexsort((np.where(hidden, -weight, 0.0), member))
-            chosen = seen[order[np.searchsorted(member[order], np.arange(len(names)))]]
+            chosen = seen[heaviest(np.where(hidden, weight, 0.0))]
             own = chosen[member]
             behind = np.einsum("nc,nc->n", own[:, :3], at) < own[:, 3]
             astray = np.bincount(member, weight * (behind != hidden), len(names))
@@ -285,14 +295,26 @@ def cells_at(place: Doubles) -> NDArray[np.intp]:
     return found
 
 
-def _nearest(there: NDArray[np.bool_]) -> NDArray[np.int32]:
-    """Return [3, cells] the z, y and x of the nearest of the cells that are there, for each."""
+def _box(there: NDArray[np.bool_]) -> Box:
+    """Return the z, y and x of the box of the cells that are there."""
+    grid = there.reshape(CELLS, CELLS, CELLS)
+    own = [np.flatnonzero(grid.any(axis=axes)) for axes in ((1, 2), (0, 2), (0, 1))]
+    z, y, x = (slice(int(along[0]), int(along[-1]) + 1) for along in own)
+    return z, y, x
+
+
+def _nearest(there: NDArray[np.bool_], box: Box) -> NDArray[np.int32]:
+    """Return [3, cells] the z, y and x of the nearest of the cells that are there, all within a box, for each.
+
+    Cells outside of the box have what the nearest in it has.
+    """
     from scipy import ndimage  # takes a fifth of a second, which other commands do without
 
-    shape = (CELLS, CELLS, CELLS)
-    grid = ~there.reshape(shape)
+    grid = ~there.reshape(CELLS, CELLS, CELLS)[box]
     found: NDArray[np.int32] = ndimage.distance_transform_edt(grid, return_distances=False, return_indices=True)
-    return found.reshape(3, -1)
+    found += np.array([side.start for side in box], np.int32)[:, None, None, None]
+    around = [(side.start, CELLS - side.stop) for side in box]
+    return np.pad(found, [(0, 0), *around], mode="edge").reshape(3, -1)
 
 
 def _spread(
@@ -308,19 +330,31 @@ def _spread(
         merit: [n] the greater counts.
         there: [cells] whether surfaces lie in it.
     """
-    shape = (CELLS, CELLS, CELLS)
-    near = (np.stack(np.unravel_index(cell, shape), axis=1)[:, None] + _AROUND).reshape(-1, 3)
-    number = np.repeat(np.arange(len(cell)), len(_AROUND))
-    far = np.tile((_AROUND**2).sum(axis=1), len(cell))
-    within = ((near >= 0) & (near < CELLS)).all(axis=1)
-    near, number, far = near[within], number[within], far[within]
-    to = np.ravel_multi_index(tuple(near.T), shape)
-    off = np.einsum("nc,nc->n", planes[number, :3], near[:, ::-1] + 0.5) - planes[number, 3]
-    cut = there[to] & (np.abs(off) < BEYOND + 0.5 * np.abs(planes[number, :3]).sum(axis=1))
-    to, number, far = to[cut], number[cut], far[cut]
-    order = np.lexsort((-merit[number], far, to))
-    cells, first = np.unique(to[order], return_index=True)
-    return cells, planes[number[order][first]]
+    place = np.stack(np.unravel_index(cell, (CELLS, CELLS, CELLS)))
+    off = np.einsum("nc,cn->n", planes[:, :3], place[::-1] + 0.5) - planes[:, 3]
+    most = BEYOND + 0.5 * np.abs(planes[:, :3]).sum(axis=1)
+    undivided = there.copy()
+    divided: list[NDArray[np.intp]] = []
+    by: list[NDArray[np.intp]] = []
+    for _, steps in itertools.groupby(_AROUND.tolist(), key=lambda step: sum(map(abs, step))):
+        targets, numbers = [], []
+        for step in steps:
+            moved = place + np.array(step)[:, None]
+            within = ((moved >= 0) & (moved < CELLS)).all(axis=0)
+            to = np.ravel_multi_index(tuple(moved), (CELLS, CELLS, CELLS), mode="clip")
+            cut = np.abs(off + planes[:, :3] @ np.array(step[::-1], np.float64)) < most
+            number = np.flatnonzero(within & cut & undivided[to])
+            targets.append(to[number])
+            numbers.append(number)
+        target, number = np.concatenate(targets), np.concatenate(numbers)
+        order = np.lexsort((number, -merit[number], target))
+        target, first = np.unique(target[order], return_index=True)
+        undivided[target] = False
+        divided.append(target)
+        by.append(number[order[first]])
+    found = np.concatenate(divided)
+    order = np.argsort(found)
+    return found[order], planes[np.concatenate(by)[order]]
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,17 +15,18 @@ SEED = 7
 def hemisphere_ways(rays: int) -> NDArray[np.float32]:
     """Return [n, 3, TILE^2] directions of unit length, z up, in proportion to the cosine.
 
-    n is the largest square up to `rays`. Those of one of the TILE^2 points of a tile are jittered within n strata of
-    equal weight; those of all points together lie one in each of n TILE^2 strata. Shirley and Chiu 1997, "A Low
+    n is the largest product up to `rays` of the integer below its square root and another. Those of one of the TILE^2
+    points of a tile are jittered within n strata of equal weight; those of all points together lie one in each of n TILE^2 strata. Shirley and Chiu 1997, "A Low
     Distortion Map Between Disk and Square".
     """
-    side, random = math.isqrt(rays), np.random.default_rng(SEED)
-    row, column = np.divmod(np.arange(side * side), side)
+    rows, random = math.isqrt(rays), np.random.default_rng(SEED)
+    columns = rays // rows
+    row, column = np.divmod(np.arange(rows * columns), columns)
     within = np.stack([random.permutation(TILE * TILE) for _ in row])
     down, right = np.divmod(within, TILE)
     x, y = (
-        2.0 * (stratum[:, None] + (part + random.random(within.shape)) / TILE) / side - 1.0
-        for stratum, part in ((column, right), (row, down))
+        2.0 * (stratum[:, None] + (part + random.random(within.shape)) / TILE) / strata - 1.0
+        for stratum, part, strata in ((column, right, columns), (row, down, rows))
     )
     wide = np.abs(x) > np.abs(y)
     radius, other = np.where(wide, x, y), np.where(wide, y, x)

@@ -28,15 +28,15 @@ REACH = 1.01
 """Length of rays, in diagonals of the scene's box."""
 PLACES = 16
 """Places along a pixel's side that differ in their rays."""
-SHARES = (1.0, 0.45, 0.18, 0.028)
+SHARES = (1.0, 0.45, 0.18, 0.042, 0.03)
 """Parts of the rays that points of the coarsest level have, of those of the next ones, the last of all finer, whose
 values frames blur."""
-LEAST = 4
+LEAST = 3
 """Rays of a point."""
-OF_MANY = 0.8
+OF_MANY = 0.7
 """Part of the rays that points have among more than `MANY` triangles, where each takes several times as long. With .5,
-.8 and 1 FLIP at 400 x 300 against 256 paths is .122, .118 and .116 in `hall`, .095, .093 and .093 in `workshop`; kept
-frames take 1.12 and 1.36 times the processor time of those with .5 in `hall`, 1.08 and 1.27 times in `workshop`."""
+.7 and 1 FLIP at 400 x 300 against 256 paths is .123, .119 and .115 in `hall`, .095, .094 and .092 in `workshop`; kept
+frames take 1.05 and 1.24 times the processor time of those with .5 in `hall`, 1.07 and 1.24 times in `workshop`."""
 DEALT, MOST_DEALT, MOST_RAYS = 16, 1 << 14, 256
 """Work-items of a GPU that share a point's rays, where there are no more points and rays: these would not fill it."""
 RAYS_AT_ONCE = 1 << 24
@@ -66,14 +66,14 @@ class FinalGather:
 
     Args:
         runtime: the device.
-        rays: of a point of the coarsest level, 4 or more, `OF_MANY` of them in scenes of more than `MANY` triangles;
-            the largest square up to it is taken.
+        rays: of a point of the coarsest level, about, `LEAST` or more, `OF_MANY` of them in scenes of more than
+            `MANY` triangles (`hemisphere_ways`).
     """
 
     def __init__(self, runtime: Runtime, rays: int) -> None:
         self.runtime = runtime
         self._rays = rays
-        self._ways: dict[int, DeviceArray] = {}
+        self._ways: dict[int, tuple[int, DeviceArray]] = {}
         self._part = 1.0
         self._volume: LightVolume | None = None
         self._found: dict[int, Plane] = {}
@@ -116,15 +116,16 @@ class FinalGather:
             found = self._found[level.number] = self.runtime.plane(FOUND, level.size)
         values = found if kept else level.values
         share = SHARES[min(level.number, len(SHARES) - 1)]
-        count = math.isqrt(max(int(self._part * share * self._rays), LEAST)) ** 2
-        if count not in self._ways:
-            self._ways[count] = self.runtime.array(hemisphere_ways(count))
-        ways = self._ways[count]
+        most = max(int(self._part * share * self._rays), LEAST)
+        if most not in self._ways:
+            directions = hemisphere_ways(most)
+            self._ways[most] = len(directions), self.runtime.array(directions)
+        count, ways = self._ways[most]
         few = self.runtime.info.kind == "gpu" and level.most <= MOST_DEALT and count <= MOST_RAYS
         pieces = -(-level.most // self.runtime.variant.lanes)
         at_once = max(RAYS_AT_ONCE // count, 1) if self.runtime.info.kind == "gpu" else pieces
         for begin in range(0, pieces, at_once):
-            most = min(at_once, pieces - begin)
+            own = min(at_once, pieces - begin)
             self._run(
                 level,
                 "multires/final_gather.cl",
@@ -136,7 +137,7 @@ class FinalGather:
                 },
                 (SCENE_RAYS, GATHER),
                 per_unit,
-                most * (DEALT if few else 1),
+                own * (DEALT if few else 1),
                 SSGI_GROUP if few else 1,
                 ways=ways,
                 **{**rays.arguments, **rays.bvh.first},
@@ -145,7 +146,7 @@ class FinalGather:
                 values=values,
                 gather=self._params,
                 begin=begin,
-                most=most,
+                most=own,
             )
         if kept:
             more = {"masks": level.masks, "found": found, "values": level.values}

@@ -53,19 +53,20 @@ def found(
     return seen, image
 
 
-def test_directions_lie_one_in_a_stratum() -> None:
-    ways = hemisphere_ways(30)  # 5 x 5 of them
-    assert ways.shape == (25, 3, TILE * TILE)
+@pytest.mark.parametrize("rays", [29, 20])  # 5 x 5 and 4 x 5 of them
+def test_directions_lie_one_in_a_stratum(rays: int) -> None:
+    ways = hemisphere_ways(rays)
+    assert ways.shape == (rays // 5 * 5, 3, TILE * TILE)
     x, y, z = np.moveaxis(ways.astype(np.float64), 1, 0)
     np.testing.assert_allclose(x * x + y * y + z * z, 1.0, atol=1e-6)
     assert z.min() >= 0.0
-    # Squares of the sine are spread evenly. Of all points' rays together one lies in each of 40 x 40 strata, within
-    # which they differ by 1/40 or less: the means err by some 1/40 / 40.
+    # Squares of the sine are spread evenly. Of all points' rays together one lies in each of 40 x 40 or 32 x 40 strata,
+    # within which they differ by 1/32 or less: the means err by some 1/32 / 32.
     square = (x * x + y * y).ravel()
     assert abs(square.mean() - 0.5) < 2e-3
     assert abs((square**2).mean() - 1.0 / 3.0) < 2e-3
-    # For one point alone, of 25 strata.
-    assert np.abs((x * x + y * y).mean(axis=0) - 0.5).max() < 0.1
+    # For one point alone: within its strata, 4 or 5 along each side, squares differ by up to 1/4.
+    assert np.abs((x * x + y * y).mean(axis=0) - 0.5).max() < 2.5 / rays
     assert np.abs(np.stack([x, y]).mean(axis=(1, 2))).max() < 1e-3
 
 

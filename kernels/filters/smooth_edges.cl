@@ -198,6 +198,21 @@ static inline SmoothBest smooth_best(const SmoothPlace *at, const vmask changes,
     return best;
 }
 
+// Places where some of the pixels from `first` on see another triangle than at their centres, a bit
+// each.
+static inline ulong smooth_changes(__global const int *restrict triangles, const int first)
+{
+    ulong changes = 0;
+    for (int pixel = 0; pixel < SSGI_LANES; ++pixel) {
+        __global const int *restrict own = triangles + first + pixel * SMOOTH_STRIDE;
+        const vint centre = v_splat_int(own[0]);
+        for (int p = 0; p < SMOOTH_PLACES; p += SSGI_LANES) {
+            changes |= (ulong)v_lane_bits(v_ine(v_iload(own + p), centre)) << p;
+        }
+    }
+    return changes;
+}
+
 __kernel void smooth_edges(__global const int *restrict triangles,
                            __global const float *restrict depths,
                            __global const int *restrict places, __global const int *restrict faces,
@@ -210,7 +225,8 @@ __kernel void smooth_edges(__global const int *restrict triangles,
     if (x >= size.x || y >= size.y) {
         return;
     }
-    const vint here = (raster_place(view.tiles_x, x, y) + v_iota()) * SMOOTH_STRIDE;
+    const int first = raster_place(view.tiles_x, x, y) * SMOOTH_STRIDE;
+    const vint here = v_iota() * SMOOTH_STRIDE + first;
     const vint centre = v_igather(triangles, here);
     const vmask inside = v_within(v_iota() + x, size.x);
     const SmoothImage in = {size, whole, (whole - size) / 2, camera, faces};
@@ -223,22 +239,19 @@ __kernel void smooth_edges(__global const int *restrict triangles,
         own[c] = ssgi_load(radiance, size, c, x, y);
         mean[c] = own[c];
     }
-    vmask edge = v_splat_int(0);
-    for (int p = SMOOTH_FIRST; p < SMOOTH_PLACES; ++p) {
-        edge = edge | v_ine(v_igather(triangles + p, here), centre);
-    }
-    if (!v_any(edge)) {
+    const ulong differing = smooth_changes(triangles, first);
+    if (differing == 0) {
         for (int c = 0; c < 3; ++c) {
             ssgi_store(own[c], smooth, size, c, x, y, 0.0f);
         }
         return;
     }
     for (int p = SMOOTH_FIRST; p < SMOOTH_PLACES; ++p) {
-        const vint triangle = v_igather(triangles + p, here);
-        const vmask changes = v_ine(triangle, centre) & inside;
         const float share = 1.0f / (float)(p - SMOOTH_FIRST + 1);
         vfloat other[3] = {own[0], own[1], own[2]};
-        if (v_any(changes)) {
+        if ((differing >> p & 1) != 0) {
+            const vint triangle = v_igather(triangles + p, here);
+            const vmask changes = v_ine(triangle, centre) & inside;
             const SmoothPlace at =
                 smooth_place(x, y, triangle, v_gather(depths + p, here),
                              (int2)(places[p], places[SMOOTH_STRIDE + p]), faces, camera);

@@ -76,12 +76,12 @@ class LightVolume:
     it.
 
     Attributes:
-        cells: [CELLS by z, CELLS by y, CELLS by x] int32: the number of a record, or -1 - that of a plane.
+        cells: [CELLS by z, CELLS by y, CELLS by x] int32: the number of a record, or -1 - k, which stands for
+            record 2 k before plane k and 2 k + 1 behind it.
         records: [count, FACES, 4] float32: radiance, W m^-2 sr^-1, and area, in sides of cells squared.
         low: [3] float64, the corner of least coordinates of the cube, scene units.
         extent: of its side, scene units.
         planes: [planes, 4] float32 that divide cells: normals, and where they are along these, in cells from `low`.
-        sides: [planes, 2] int32: the numbers of the records before and behind each.
     """
 
     cells: NDArray[np.int32]
@@ -89,7 +89,6 @@ class LightVolume:
     low: Doubles
     extent: float
     planes: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 4), np.float32))
-    sides: NDArray[np.int32] = field(default_factory=lambda: np.zeros((0, 2), np.int32))
 
     @property
     def side(self) -> float:
@@ -99,7 +98,7 @@ class LightVolume:
 
 def device_volume(runtime: Runtime, volume: LightVolume) -> tuple[DeviceArray, DeviceArray]:
     """Return the cells and records of a volume in device memory, as kernels/radiosity/volume.clh reads them."""
-    planes = np.column_stack([volume.planes.view(np.int32), volume.sides]).ravel()
+    planes = volume.planes.view(np.int32).ravel()
     return runtime.array(np.concatenate([volume.cells.ravel(), planes])), runtime.array(volume.records.ravel())
 
 
@@ -140,14 +139,14 @@ class SurfaceCells:
         there = np.zeros(CELLS**3, np.bool_)
         there[own] = there[others] = True
         there[0] |= not there.any()
-        place = np.flatnonzero(there)
-        number = (np.cumsum(there) - 1).astype(np.int32)
         divided, self._planes = own[:0], np.zeros((0, 4))
         if planes is not None and len(own):
             divided, self._planes = self._divide(lit, own, there, planes)
-        # Records behind planes follow those of all cells.
-        self._sides = np.stack([number[divided], len(place) + np.arange(len(divided))], axis=1).astype(np.int32)
-        place = np.concatenate([place, divided])
+        whole = there.copy()
+        whole[divided] = False
+        # The two records of each divided cell, and those of the others.
+        place = np.concatenate([np.repeat(divided, 2), np.flatnonzero(whole)])
+        number = (2 * len(divided) - 1 + np.cumsum(whole)).astype(np.int32)
         number[divided] = -1 - np.arange(len(divided))
         occupied, box = there, _box(there)
         nearest = _nearest(there, box)
@@ -161,7 +160,8 @@ class SurfaceCells:
         # What is on one side of a plane looks for surfaces from there.
         middle: Doubles = np.stack(np.unravel_index(place, shape))[::-1].T + np.float64(0.5)
         aside: Doubles = middle.copy()
-        aside[self._sides] += self._planes[:, None, :3] * np.array([1.0, -1.0])[:, None]
+        for side, way in enumerate((1.0, -1.0)):
+            aside[side : 2 * len(divided) : 2] += way * self._planes[:, :3]
         around = cells_at(aside)
         for face in range(FACES):
             least = 1e-6 * area[:, face].max(initial=0.0)
@@ -180,8 +180,8 @@ class SurfaceCells:
                 found = self._resolved(cell, aside[given])
                 # Of a plane's sides one may have none.
                 empty = np.flatnonzero(~known[found])
-                sides = self._sides[-1 - cell[empty]]
-                found[empty] = np.where(known[sides[:, 0]], sides[:, 0], sides[:, 1])
+                before = 2 * (-1 - cell[empty])
+                found[empty] = np.where(known[before], before, before + 1)
                 for step in _AROUND:
                     from_there = aside[given[empty]]
                     to = cells_at(from_there + step)
@@ -218,7 +218,7 @@ class SurfaceCells:
         records[..., :3] = np.minimum(radiance, BRIGHTEST).astype(np.float32).take(self._near, axis=0)
         records[..., 3] = self.area
         planes = self._planes.astype(np.float32)
-        return LightVolume(self.cells, records, self.low, self.extent, planes, self._sides)
+        return LightVolume(self.cells, records, self.low, self.extent, planes)
 
     def _records(self, cell: NDArray[np.intp], pieces: Pieces) -> NDArray[np.intp]:
         """Return the numbers of the records of pieces that lie in cells."""
@@ -232,7 +232,7 @@ class SurfaceCells:
         two = np.flatnonzero(number < 0)
         plane = -1 - found[two]
         behind = np.einsum("nc,nc->n", self._planes[plane, :3], place[two]) < self._planes[plane, 3]
-        found[two] = self._sides[plane, behind.astype(np.intp)]
+        found[two] = 2 * plane + behind
         return found
 
     def _divide(

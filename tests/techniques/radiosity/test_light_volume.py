@@ -147,9 +147,9 @@ def test_a_wall_divides_the_cells_that_it_cuts() -> None:
         """Return what faces up at `place` cells from the left side of cell (x, 5, z)."""
         number = volume.cells[int(z), 5, int(x)]
         assert number < 0
-        plane, (before, behind) = volume.planes[-1 - number], volume.sides[-1 - number]
-        side = plane[:3] @ np.array((x + place, 5.5, z + 0.5)) < plane[3]
-        return volume.records[behind if side else before, 2]
+        plane = volume.planes[-1 - number]
+        behind = plane[:3] @ np.array((x + place, 5.5, z + 0.5)) < plane[3]
+        return volume.records[2 * (-1 - number) + behind, 2]
 
     assert len(volume.planes) == 2
     for place, sent, area in ((0.1, 1.0, 0.002), (0.2, 1.0, 0.002), (0.4, 7.0, 0.001), (0.9, 7.0, 0.001)):

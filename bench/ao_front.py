@@ -1,6 +1,6 @@
 """Record what `ssgi_cl.ao` chooses from beside the presets of techniques: `python -m ssgi_cl.bench.ao_front --help`.
 
-Scans of every other pixel, and the bitmask where the rasteriser draws the ends of solids. Times are ratios to that of
+Scans of every other pixel, the bitmask where the rasteriser draws the ends of solids, and drawing. Times are ratios to that of
 GTAO's defaults, measured in turn, on processors in processor time: a busy machine changes them little.
 """
 
@@ -112,20 +112,24 @@ def times(contexts: Sequence[Context], settings: Sequence[Setting], layers: int,
     return [own / sums[0] for own in sums[1:]]
 
 
-def drawing(contexts: Sequence[Context], layers: int, runs: int) -> float:
-    """Return the time of drawing with thickness over that without, median over the views."""
+def drawing(contexts: Sequence[Context], layers: int, overscan: float, runs: int) -> tuple[float, float]:
+    """Return the times of drawing without thickness and with it over that of `USUAL` with one layer, medians over the
+    views; all are measured in turn."""
     found = []
     for context in contexts:
-        rasterizers = [_rasterizer(context, layers, OVERSCAN, thickness=thickness) for thickness in (False, True)]
         scene = device_scene(context.view.scene, context.runtime)
 
         def draw(rasterizer: Rasterizer, scene: Any = scene, context: Context = context) -> None:
             rasterizer.render(scene, context.camera).derive()
 
-        calls = [lambda own=each: draw(own) for each in rasterizers]
-        without, with_it = _medians(context.runtime, calls, runs)
-        found.append(with_it / without)
-    return median(found)
+        calls = [_runner(USUAL, context.layered(1, OVERSCAN), context.radius)]
+        for thickness in (False, True):
+            rasterizer = _rasterizer(context, layers, overscan, thickness=thickness)
+            calls.append(lambda own=rasterizer: draw(own))
+        usual, *drawn = _medians(context.runtime, calls, runs)
+        found.append([own / usual for own in drawn])
+    without, with_it = (median(own) for own in zip(*found, strict=True))
+    return without, with_it
 
 
 def _medians(runtime: Runtime, calls: Sequence[Callable[[], object]], runs: int) -> list[float]:
@@ -177,11 +181,14 @@ def main(device: str | None, runs: int, output: Path | None) -> None:
     with progress_bar() as report:
         sets = SceneSets(Runtime.open(device), progress=report)
         settings: list[dict[str, Any]] = []
-        drawn: dict[str, float] = {}
+        drawn: list[dict[str, float]] = []
         for number, layers in enumerate(LAYERS):
             report(f"{layers} layers", number / len(LAYERS))
             settings += settings_of(sets, layers, runs)
-            drawn[str(layers)] = float(f"{drawing(sets.contexts['tuning'], layers, runs):.4g}")
+            for overscan in (0.0, OVERSCAN):
+                times = (float(f"{own:.4g}") for own in drawing(sets.contexts["tuning"], layers, overscan, runs))
+                kind = {"layers": layers, "overscan": overscan}
+                drawn.append(kind | dict(zip(("times", "with thickness"), times, strict=True)))
     runtime = sets.runtime
     document = {
         "format": SCANS,

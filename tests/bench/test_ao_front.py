@@ -64,9 +64,9 @@ def test_a_setting_has_its_errors_and_its_time_over_that_of_gtao(
         assert second[key] == pytest.approx(geometric_mean(found), rel=1e-3), key  # four digits are recorded
 
 
-def test_drawing_with_known_ends_is_timed_over_that_without(sets: SceneSets, monkeypatch: pytest.MonkeyPatch) -> None:
-    said(monkeypatch, 4.0, 5.0)
-    assert drawing(sets.contexts["tuning"], 1, 2) == 1.25
+def test_drawing_is_timed_over_the_defaults_of_gtao(sets: SceneSets, monkeypatch: pytest.MonkeyPatch) -> None:
+    said(monkeypatch, 2.0, 4.0, 5.0)
+    assert drawing(sets.contexts["tuning"], 2, 0.0, 2) == (2.0, 2.5)
 
 
 def test_the_record_has_each_setting_for_each_number_of_layers() -> None:
@@ -74,4 +74,5 @@ def test_the_record_has_each_setting_for_each_number_of_layers() -> None:
     every = [(s.technique, dict(s.parameters), s.thickness, n) for n in module.LAYERS for s in module.SETTINGS]
     assert [(e["technique"], e["parameters"], e["thickness"], e["layers"]) for e in known] == every
     assert {len(scenes) for scenes in scans()["scenes"].values()} == {14}
-    assert list(scans()["drawn"]) == [str(number) for number in module.LAYERS]
+    kinds = [(each["layers"], each["overscan"]) for each in scans()["drawn"]]
+    assert kinds == [(layers, overscan) for layers in module.LAYERS for overscan in (0.0, OVERSCAN)]

@@ -28,10 +28,10 @@ from ssgi_cl.techniques import presets
 from ssgi_cl.techniques.ao.bitmask import BitmaskAo
 from ssgi_cl.techniques.ao.confidence import with_confidence
 from ssgi_cl.techniques.ao.gtao import Gtao
-from ssgi_cl.techniques.ao.occlusion import OcclusionTechnique, prepared_for, surfaces_on_device
+from ssgi_cl.techniques.ao.occlusion import OcclusionTechnique, prepared_for, surfaces_on_device, without_thickness
 from ssgi_cl.techniques.ao.ssao import Ssao
 from ssgi_cl.techniques.presets.choose import Choice, check_single, reaches, with_layers
-from ssgi_cl.techniques.presets.front import OVERSCAN, SHARE, Option, drawn_options, front, named, options
+from ssgi_cl.techniques.presets.front import OVERSCAN, SHARE, Option, drawn_options, every_option, front, named
 from ssgi_cl.techniques.presets.speed_model import predicted_ms
 from ssgi_cl.techniques.radius import sensible_radius
 
@@ -121,7 +121,7 @@ def ao(
         gbuffer: depth, and normals if there are any, with any layers and margin.
         radius: distance up to which surfaces occlude, scene units, > 0; by default 5 % of the picture's
             diagonal where surfaces are seen.
-        preset: "low", "medium", "high" or "ultra": the least expected error in at most 1, 2.3, 4 or 32 times
+        preset: "low", "medium", "high" or "ultra": the least expected error in at most 1, 2.3, 4.5 or 32 times
             the device time of GTAO's defaults; of a scene, of those and of drawing one layer with overscan. By
             default "medium".
         error: RMSE against cast rays, > 0: the fastest setting that is expected to err no more. It is a
@@ -206,10 +206,11 @@ class _Source:
         return named(preset, self.candidates, drawn=self.scene is not None)
 
     def surfaces(self, layers: int, overscan: float, *, thickness: bool) -> DeviceGBuffer:
-        """Return the G-buffer in device memory, uploaded, or drawn now, then with thickness if it is asked for."""
+        """Return the G-buffer in device memory, uploaded or drawn now; its thickness is left out unless asked for."""
         if self.scene is None or self.camera is None:
             assert self.gbuffer is not None  # noqa: S101  one of both is given
-            return surfaces_on_device(self.gbuffer, self.runtime)
+            given = self.gbuffer if thickness else without_thickness(self.gbuffer)
+            return surfaces_on_device(given, self.runtime)
         margin = margin_of(self.camera, overscan)
         rasterizer: Rasterizer = self.runtime.prepared(
             (Rasterizer, "ao", self.size, layers, margin, thickness),
@@ -257,7 +258,7 @@ def _source(
             raise TypeError(f"gbuffer is {type(gbuffer).__name__}: expected GBuffer or DeviceGBuffer")
         whole = reaches(gbuffer.margin, gbuffer.size, OVERSCAN)
         known = gbuffer.thickness is not None
-        candidates = options(gbuffer.layers, OVERSCAN if whole else 0.0, thickness=known)
+        candidates = every_option(gbuffer.layers, OVERSCAN if whole else 0.0, thickness=known)
     return _Source(
         gbuffer=gbuffer, scene=scene, camera=camera, radius=radius, runtime=runtime, candidates=tuple(candidates)
     )
@@ -372,7 +373,7 @@ def _measured(source: _Source) -> _Measured:
     elif isinstance(given, GBuffer):
         key += (given.margin, given.layers, given.normal is None, given.thickness is None)
     elif given is not None:
-        key += (given.margin, given.layers, "on the device")
+        key += (given.margin, given.layers, given.thickness is None, "on the device")
     known = _KNOWN.setdefault(runtime, {})
     if key not in known:
         sources: dict[tuple[int, float, bool], float] = {}

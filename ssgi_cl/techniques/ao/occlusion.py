@@ -207,6 +207,15 @@ def surfaces_on_device(gbuffer: GBuffer | DeviceGBuffer, runtime: Runtime | None
     return on_device(gbuffer, runtime)
 
 
+def without_thickness(gbuffer: GBuffer | DeviceGBuffer) -> GBuffer | DeviceGBuffer:
+    """Return a G-buffer of the same memory whose surfaces' ends are guessed."""
+    other = copy(gbuffer)
+    object.__setattr__(other, "thickness", None)
+    if isinstance(other, DeviceGBuffer):
+        other.sides = None
+    return other
+
+
 def prepared_for(technique: type[T], gbuffer: DeviceGBuffer, params: Any) -> T:
     """Return a technique for G-buffers like this one, prepared unless it was before."""
     made: T = gbuffer.runtime.prepared(

@@ -14,16 +14,13 @@ from ssgi_cl.techniques import presets
 CHOSEN = ("ssao", "gtao", "bitmask_ao")
 """Techniques that are chosen from. HBAO is none of them: what attenuates with distance errs little where other errors
 happen to be opposite, as in the scenes for tuning, and up to 3.9 times as much as others elsewhere."""
-SHARE = {"low": 1.0, "medium": 2.3, "high": 4.0, "ultra": 32.0}
+SHARE = {"low": 1.0, "medium": 2.3, "high": 4.5, "ultra": 32.0}
 """Time of each preset over that of GTAO's defaults with as many layers, at most; of a scene over that of drawing one
 layer with overscan, and GTAO's defaults. From high to ultra is far: only the bitmask with many slices errs less than
 what high is."""
 OVERSCAN = 0.1
 """Of G-buffers that are drawn, where there is any: that of the records."""
-DRAWN_MS = {(1, 0.0): 2.2, (1, OVERSCAN): 2.9, (2, 0.0): 3.1, (2, OVERSCAN): 4.8, (4, 0.0): 5.4, (4, OVERSCAN): 6.2}
-"""(layers, overscan) -> device time of drawing, median over the scenes for tuning, where the records are from and at
-their size: what errors are weighed with, so that the same error gets the same setting everywhere."""
-SCANS = "ssgi-ao-front 1"
+SCANS = "ssgi-ao-front 2"
 """Format of the record of further settings."""
 
 
@@ -55,9 +52,9 @@ class Option:
 
     @property
     def drawn_ms(self) -> float:
-        """Recorded device time of drawing the G-buffer."""
-        longer = thickness_times(self.layers) if self.thickness else 1.0
-        return DRAWN_MS[self.layers, self.overscan] * longer
+        """Recorded device time of drawing the G-buffer: what errors are weighed with, so that the same error gets the
+        same setting everywhere."""
+        return drawing(self.layers, self.overscan, thickness=self.thickness) * _usual_ms(1)
 
 
 @cache
@@ -68,10 +65,17 @@ def scans() -> dict[str, Any]:
     return document
 
 
-def thickness_times(layers: int) -> float:
-    """Return the time of drawing with thickness over that without."""
-    known: dict[str, float] = scans()["drawn"]
-    return known[str(max(int(number) for number in known if int(number) <= layers))]
+def drawing(layers: int, overscan: float, *, thickness: bool) -> float:
+    """Return the recorded time of drawing a G-buffer over that of GTAO's defaults with one layer."""
+    recorded = [each for each in scans()["drawn"] if each["layers"] <= layers and each["overscan"] == overscan]
+    times: float = max(recorded, key=lambda each: each["layers"])["with thickness" if thickness else "times"]
+    return times
+
+
+def _usual_ms(layers: int) -> float:
+    """Return the recorded time of GTAO's defaults."""
+    ms: float = presets.recorded_for("gtao", layers)["default"]["ms"]
+    return ms
 
 
 def options(layers: int, overscan: float, *, thickness: bool = False) -> list[Option]:
@@ -93,7 +97,7 @@ def options(layers: int, overscan: float, *, thickness: bool = False) -> list[Op
             add(technique, vars(setting), setting.ms)
     recorded = [each for each in scans()["settings"] if each["layers"] <= layers]
     nearest = max(each["layers"] for each in recorded)
-    usual = presets.recorded_for("gtao", layers)["default"]["ms"]
+    usual = _usual_ms(layers)
     for each in recorded:
         reads = thickness and each["technique"] == "bitmask_ao"
         if each["layers"] == nearest and each["thickness"] == reads:
@@ -101,13 +105,17 @@ def options(layers: int, overscan: float, *, thickness: bool = False) -> list[Op
     return found
 
 
+def every_option(layers: int, overscan: float, *, thickness: bool) -> list[Option]:
+    """Return all recorded settings for G-buffers of some layers, with `thickness` also those that read it."""
+    known = [option for option in options(layers, overscan, thickness=True) if option.thickness] if thickness else []
+    return [*options(layers, overscan), *known]
+
+
 def drawn_options(*, thickness: bool) -> list[Option]:
     """Return all recorded settings with each number of layers and overscan that a scene may be drawn with, with
     `thickness` also those with known ends of solids."""
-    found = [option for kind in DRAWN_MS for option in options(*kind)]
-    if thickness:
-        found += [option for kind in DRAWN_MS for option in options(*kind, thickness=True) if option.thickness]
-    return found
+    kinds = [(each["layers"], each["overscan"]) for each in scans()["drawn"]]
+    return [option for kind in kinds for option in every_option(*kind, thickness=thickness)]
 
 
 def front(found: Iterable[Option], cost: Callable[[Option], float]) -> list[Option]:
@@ -126,6 +134,6 @@ def named(preset: str, found: Sequence[Option], *, drawn: bool = False) -> Optio
     def ms(option: Option) -> float:
         return option.ms + (option.drawn_ms if drawn else 0.0)
 
-    usual: float = presets.recorded_for("gtao", 1 if drawn else found[0].layers)["default"]["ms"]
-    most = SHARE[preset] * (usual + (DRAWN_MS[1, OVERSCAN] if drawn else 0.0))
+    usual = _usual_ms(1) * (1.0 + drawing(1, OVERSCAN, thickness=False)) if drawn else _usual_ms(found[0].layers)
+    most = SHARE[preset] * usual
     return min((each for each in found if ms(each) <= most), key=lambda each: (each.error, ms(each)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -163,35 +164,41 @@ class SurfaceCells:
         for side, way in enumerate((1.0, -1.0)):
             aside[side : 2 * len(divided) : 2] += way * self._planes[:, :3]
         around = cells_at(aside)
-        for face in range(FACES):
+
+        def lend(face: int) -> None:
+            """Find for cells without surfaces that face a side those that stand for them."""
             least = 1e-6 * area[:, face].max(initial=0.0)
             known = facing[:, face] > least
             if known.all():
-                continue
+                return
             area[:, face] = np.where(area[:, face] > least, area[:, face], black[:, face])
             alone = ~known & (area[:, face] > 0.0)
-            if known.any():
-                there = np.zeros(CELLS**3, np.bool_)
-                there[place[known]] = True
-                nearest = _nearest(there, box)
-                alone &= ((middle[:, ::-1].T - 0.5 - nearest[:, place]) ** 2).sum(axis=0) > NEAR**2
-                given = np.flatnonzero(~known & ~alone)
-                cell = number[np.ravel_multi_index(tuple(nearest[:, around[given]]), shape)]
-                found = self._resolved(cell, aside[given])
-                # Of a plane's sides one may have none.
-                empty = np.flatnonzero(~known[found])
-                before = 2 * (-1 - cell[empty])
-                found[empty] = np.where(known[before], before, before + 1)
-                for step in _AROUND:
-                    from_there = aside[given[empty]]
-                    to = cells_at(from_there + step)
-                    at = np.flatnonzero(occupied[to])
-                    other = self._resolved(number[to[at]], from_there[at])
-                    at, other = at[known[other]], other[known[other]]
-                    found[empty[at]] = other
-                    empty = np.delete(empty, at)
-                self._near[given, face] = found * FACES + face
-                area[given, face] = 0.0
+            if not known.any():
+                return
+            there = np.zeros(CELLS**3, np.bool_)
+            there[place[known]] = True
+            nearest = _nearest(there, box)
+            alone &= ((middle[:, ::-1].T - 0.5 - nearest[:, place]) ** 2).sum(axis=0) > NEAR**2
+            given = np.flatnonzero(~known & ~alone)
+            cell = number[np.ravel_multi_index(tuple(nearest[:, around[given]]), shape)]
+            found = self._resolved(cell, aside[given])
+            # Of a plane's sides one may have none.
+            empty = np.flatnonzero(~known[found])
+            before = 2 * (-1 - cell[empty])
+            found[empty] = np.where(known[before], before, before + 1)
+            for step in _AROUND:
+                from_there = aside[given[empty]]
+                to = cells_at(from_there + step)
+                at = np.flatnonzero(occupied[to])
+                other = self._resolved(number[to[at]], from_there[at])
+                at, other = at[known[other]], other[known[other]]
+                found[empty[at]] = other
+                empty = np.delete(empty, at)
+            self._near[given, face] = found * FACES + face
+            area[given, face] = 0.0
+
+        with ThreadPoolExecutor() as pool:
+            list(pool.map(lend, range(FACES)))
         self._shown_area = self._slots.sums(lit.area * self._shown, len(place))
         self.area = np.maximum(area / self.side**2, FAINT)
 

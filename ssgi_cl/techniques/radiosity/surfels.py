@@ -84,10 +84,11 @@ class Surfels:
 
         That part is then the first.
         """
-        first = np.arange(len(self)) * PARTS
-        order = np.arange(PARTS * len(self))
-        order[first], order[first + part] = first + part, first
-        moved = {name: getattr(self, name)[order] for name in _OF_PARTS}
+        rows = np.arange(len(self))
+        moved = {name: getattr(self, name).copy() for name in _OF_PARTS}
+        for values in moved.values():
+            parts = values.reshape(-1, PARTS, *values.shape[1:])
+            parts[rows, 0], parts[rows, part] = parts[rows, part], parts[rows, 0]
         return replace(self, position=moved["part_position"][::PARTS], **moved)
 
     def mean_of_parts(self, values: Doubles) -> Doubles:
@@ -98,9 +99,12 @@ class Surfels:
 
     def chosen(self, order: NDArray[np.intp]) -> Surfels:
         """Return the surfels of these numbers, in this order."""
-        parts = (order[:, None] * PARTS + np.arange(PARTS)).ravel()
         own = {name: getattr(self, name)[order] for name in _OWN}
-        of_parts = {name: getattr(self, name)[parts] for name in _OF_PARTS}
+        of_parts = {}
+        for name in _OF_PARTS:
+            values = getattr(self, name)
+            rows = values.reshape(len(self), PARTS, *values.shape[1:])[order]
+            of_parts[name] = rows.reshape(-1, *values.shape[1:])
         return Surfels(origin=self.origin, **own, **of_parts)
 
     def numbered(self) -> Surfels:

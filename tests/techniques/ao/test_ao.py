@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -17,7 +18,7 @@ from ssgi_cl.rasterize.scenes import BuiltinScene, make_scene
 from ssgi_cl.techniques import presets
 from ssgi_cl.techniques.ao import ao as choosing
 from ssgi_cl.techniques.catalogue import TECHNIQUES
-from ssgi_cl.techniques.presets.front import Option, drawn_options, front, named, options, scans, thickness_times
+from ssgi_cl.techniques.presets.front import Option, drawing, drawn_options, front, named, options, scans
 
 PRESETS = presets.NAMES
 
@@ -107,7 +108,7 @@ def test_known_ends_err_less_than_guessed_ones_in_more_time(layers: int) -> None
     for name in both:
         assert known[name].error < 0.95 * without[name].error, name
         assert known[name].ms > without[name].ms, name
-    assert 1.0 < thickness_times(layers) < 1.5  # of drawing
+    assert 1.0 < drawing(layers, 0.1, thickness=True) / drawing(layers, 0.1, thickness=False) < 1.5
     # Others do not read thickness.
     others = [
         [each for each in options(layers, 0.1, thickness=given) if each.technique != "bitmask_ao"]
@@ -157,6 +158,18 @@ def test_of_a_scene_layers_and_overscan_are_chosen_too(room: BuiltinScene, camer
     assert len({each[1:] for each in chosen}) > 1
     errors = [error for error, *_ in chosen]
     assert errors == sorted(errors, reverse=True)
+
+
+def test_thickness_of_a_gbuffer_is_left_out_where_that_errs_less(room: BuiltinScene, runtime: Runtime) -> None:
+    seen = gi.rasterize.gbuffer(room.scene, room.camera(64, 48), layers=2, overscan=0.1, thickness=True)
+    for given in (seen, on_device(seen, runtime)):
+        a, choice = gi.ao(given, radius=0.3, preset="medium", explain=True, runtime=runtime)
+        assert (choice.technique, choice.thickness) == ("bitmask_ao", False)
+        guessed = gi.bitmask_ao(replace(seen, thickness=None), radius=0.3, runtime=runtime, **choice.parameters)
+        assert np.array_equal(a, guessed)
+    read = gi.bitmask_ao(seen, radius=0.3, runtime=runtime, **choice.parameters)
+    assert not np.array_equal(a, read)
+    assert given.thickness is not None  # as before
 
 
 def test_thickness_of_a_gbuffer_is_read_and_of_scenes_of_few_solids_none_is_drawn(

@@ -213,6 +213,18 @@ def test_a_furnace_of_metal_loses_what_lobes_have_below_surfaces(runtime: Runtim
     np.testing.assert_allclose(sent, math.pi / (1.0 - albedo), rtol=0.02)
 
 
+def test_few_bounces_tell_all_of_those_to_come(runtime: Runtime) -> None:
+    """Channels would end after 2 to 120 bounces; those that end first must not keep the others from ending."""
+    albedo = np.array([0.95, 0.7, 0.01])
+    room = Material(albedo=tuple(albedo.tolist()), emission=(1.0,) * 3)
+    made = solved(runtime, replace(l_room(0.0, 1.0), materials=(room,)))
+    inside = in_l_room(made.surfels.position + 0.02 * made.surfels.normal)  # the notch is lit outside, too
+    area = made.surfels.area[inside]
+    sent = area @ (math.pi + albedo * made.irradiance[inside]) / area.sum()
+    np.testing.assert_allclose(sent, math.pi / (1.0 - albedo), rtol=0.003)  # .002 of the flux may be left
+    assert made.bounces < 40  # .95^n is below .002 from 121 on
+
+
 @pytest.mark.parametrize("albedo", [0.5, 0.8])
 def test_a_furnace_with_a_bend(runtime: Runtime, albedo: float) -> None:
     made = solved(runtime, l_room(albedo, 1.0))

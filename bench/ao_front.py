@@ -1,7 +1,7 @@
 """Record what `ssgi_cl.ao` chooses from beside the presets of techniques: `python -m ssgi_cl.bench.ao_front --help`.
 
-Scans of every other pixel, the bitmask where the rasteriser draws the ends of solids, and drawing. Times are ratios to that of
-GTAO's defaults, measured in turn, on processors in processor time: a busy machine changes them little.
+Scans of every other pixel, the bitmask where the rasteriser draws the ends of solids, and drawing. Times are ratios to
+that of GTAO's defaults, measured in turn, on processors in processor time: a busy machine changes them little.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -125,7 +126,7 @@ def drawing(contexts: Sequence[Context], layers: int, overscan: float, runs: int
         calls = [_runner(USUAL, context.layered(1, OVERSCAN), context.radius)]
         for thickness in (False, True):
             rasterizer = _rasterizer(context, layers, overscan, thickness=thickness)
-            calls.append(lambda own=rasterizer: draw(own))
+            calls.append(partial(draw, rasterizer))
         usual, *drawn = _medians(context.runtime, calls, runs)
         found.append([own / usual for own in drawn])
     without, with_it = (median(own) for own in zip(*found, strict=True))

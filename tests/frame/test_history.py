@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 import ssgi_cl as gi
+from ssgi_cl.bench.drawn import with_holes
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.history import Shown, pattern_shift
 from ssgi_cl.rasterize import moved
 from ssgi_cl.rasterize.scenes import make_scene
+from ssgi_cl.techniques.vpl.kept_order import KeptOrder
 
 from .scenes import MAPS, cube, inside, matt, scene_of
 
@@ -60,6 +62,21 @@ def test_direct_light_of_a_still_camera_is_that_of_one_frame(runtime: Runtime) -
         # Texels of shadow maps and triangles at edges of pixels alone: maps are fitted to what the image shows.
         assert off.mean() < 0.02
         assert frame.counts is None  # nothing has noise
+
+
+@pytest.mark.parametrize("holes", [False, True])
+def test_lights_keep_their_order_where_no_view_chooses_them(
+    runtime: Runtime, monkeypatch: pytest.MonkeyPatch, holes: bool
+) -> None:
+    """Others at the places of those before would be sorted by the axes of these: in a mesh with leaves reflected light
+    was 4 to 7 % too dark."""
+    kept: list[int] = []
+    axes = KeptOrder.axes
+    monkeypatch.setattr(KeptOrder, "axes", lambda *given: (found := axes(*given), kept.append(found[1]))[0])
+    scene, history = with_holes(BOX.scene) if holes else BOX.scene, gi.FrameHistory()
+    for step in range(2):
+        gi.render(scene, camera(0.05 * step), BOX.lights, history=history, runtime=runtime, **FAST)
+    assert kept == ([] if holes else [1, 2])
 
 
 def test_before_a_still_camera_the_result_is_the_mean_of_frames(runtime: Runtime) -> None:

@@ -51,7 +51,8 @@ def gather(build: Build) -> Stage:
             surfels=None if exact else r[of.SURFELS],
             even=even,
             other_light=[plane for plane in (r[of.SKY_LIGHT], r[of.DIRECT]) if plane is not None],
-            order=r[of.SURFEL_HISTORY].order if build.history else None,
+            # Lights that are chosen for a view are others in the next one.
+            order=r[of.SURFEL_HISTORY].order if build.history and exact else None,
         )
         blocked = found.occupancy
         if blocked is None and seen.mirrors and not exact:

@@ -187,9 +187,9 @@ def main(device: str | None, runs: int, output: Path | None) -> None:
             report(f"{layers} layers", number / len(LAYERS))
             settings += settings_of(sets, layers, runs)
             for overscan in (0.0, OVERSCAN):
-                times = (float(f"{own:.4g}") for own in drawing(sets.contexts["tuning"], layers, overscan, runs))
+                ratios = (float(f"{own:.4g}") for own in drawing(sets.contexts["tuning"], layers, overscan, runs))
                 kind = {"layers": layers, "overscan": overscan}
-                drawn.append(kind | dict(zip(("times", "with thickness"), times, strict=True)))
+                drawn.append(kind | dict(zip(("without thickness", "with thickness"), ratios, strict=True)))
     runtime = sets.runtime
     document = {
         "format": SCANS,

@@ -199,7 +199,7 @@ static inline SmoothBest smooth_best(const SmoothPlace *at, const vmask changes,
 }
 
 // Places where some of the pixels from `first` on see another triangle than at their centres, a bit
-// each.
+// each. Place 64 has that of the centre, which never differs from itself: shifts are modulo 64.
 static inline ulong smooth_changes(__global const int *restrict triangles, const int first)
 {
     ulong changes = 0;

@@ -15,9 +15,9 @@ SEED = 7
 def hemisphere_ways(rays: int) -> NDArray[np.float32]:
     """Return [n, 3, TILE^2] directions of unit length, z up, in proportion to the cosine.
 
-    n is the largest product up to `rays` of the integer below its square root and another. Those of one of the
-    TILE^2 points of a tile are jittered within n strata of equal weight; those of all points together lie one in each
-    of n TILE^2 strata. Shirley and Chiu 1997, "A Low Distortion Map Between Disk and Square".
+    n is r (rays // r), with r the integer part of the square root of `rays`. Those of one of the TILE^2 points of a
+    tile are jittered within n strata of equal weight; those of all points together lie one in each of n TILE^2 strata.
+    Shirley and Chiu 1997, "A Low Distortion Map Between Disk and Square".
     """
     rows, random = math.isqrt(rays), np.random.default_rng(SEED)
     columns = rays // rows

@@ -74,8 +74,8 @@ class WholeFrameParams(Params):
     surfels: int = param(2048, "surface elements that carry all other light", low=16, high=1 << 14)
     rays: int = param(
         144,
-        "over the hemisphere of each point that stands for most pixels of those at which light of surfels is gathered, "
-        "about; in scenes without holes",
+        "over the hemisphere of each point of the coarsest level at which light of surfels is gathered, about; in "
+        "scenes without holes",
         low=4,
         high=4096,
     )

@@ -209,8 +209,8 @@ class _Source:
         """Return the G-buffer in device memory, uploaded or drawn now; its thickness is left out unless asked for."""
         if self.scene is None or self.camera is None:
             assert self.gbuffer is not None  # noqa: S101  one of both is given
-            given = self.gbuffer if thickness else without_thickness(self.gbuffer)
-            return surfaces_on_device(given, self.runtime)
+            read = thickness or self.gbuffer.thickness is None
+            return surfaces_on_device(self.gbuffer if read else without_thickness(self.gbuffer), self.runtime)
         margin = margin_of(self.camera, overscan)
         rasterizer: Rasterizer = self.runtime.prepared(
             (Rasterizer, "ao", self.size, layers, margin, thickness),

@@ -211,8 +211,6 @@ def without_thickness(gbuffer: GBuffer | DeviceGBuffer) -> GBuffer | DeviceGBuff
     """Return a G-buffer of the same memory whose surfaces' ends are guessed."""
     other = copy(gbuffer)
     object.__setattr__(other, "thickness", None)
-    if isinstance(other, DeviceGBuffer):
-        other.sides = None
     return other
 
 

@@ -31,7 +31,7 @@ SHARES = (1.0, 0.45, 0.18, 0.042, 0.03)
 """Parts of the rays that points of the coarsest level have, of those of the next ones, the last of all finer, whose
 values frames blur."""
 LEAST = 3
-"""Rays of a point."""
+"""Rays of a point, at least."""
 OF_MANY = 0.7
 """Part of the rays that points have among more than `MANY` triangles, where each takes several times as long. With .5,
 .7 and 1 FLIP at 400 x 300 against 256 paths is .123, .119 and .115 in `hall`, .095, .094 and .092 in `workshop`; kept
@@ -101,7 +101,7 @@ class FinalGather:
     def shine(self, level: Level, rays: SceneRays, per_unit: float) -> None:
         """Queue the passes that add shares of the irradiance of a level's points to its values.
 
-        What is found at points of the coarsest levels, which stand for many pixels, is smoothed by a line fitted to
+        What is found at points of all levels but the last is smoothed by a line fitted to
         neighbours that are computed too (kernels/multires/gather_smooth.cl).
 
         Args:

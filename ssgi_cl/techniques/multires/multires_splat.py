@@ -145,7 +145,7 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
         size: (rows, columns) of the result.
         params: see `MultiresSplatParams`.
         surfels: how many lights in world space `run` takes at most, besides those from maps.
-        rays: of each point, for `even` light; 0: none is given.
+        rays: of each point of the coarsest level, about, for `even` light; 0: none is given.
 
     Attributes:
         grid: which pixels were computed; see `MultiresGrid`.

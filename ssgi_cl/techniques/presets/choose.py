@@ -38,7 +38,7 @@ class Choice:
         technique: its name.
         parameters: those that were chosen.
         layers, overscan: depth layers of the G-buffer, and its margin as a share of the image where that counts.
-        thickness: whether the G-buffer tells where solids end.
+        thickness: whether the thickness of the G-buffer is read.
         wall_ms: wall time that calls of `ssgi_cl.ao` took here; None unless a time was asked for.
         why: the reason, in words.
     """

@@ -68,7 +68,9 @@ def scans() -> dict[str, Any]:
 def drawing(layers: int, overscan: float, *, thickness: bool) -> float:
     """Return the recorded time of drawing a G-buffer over that of GTAO's defaults with one layer."""
     recorded = [each for each in scans()["drawn"] if each["layers"] <= layers and each["overscan"] == overscan]
-    times: float = max(recorded, key=lambda each: each["layers"])["with thickness" if thickness else "times"]
+    times: float = max(recorded, key=lambda each: each["layers"])[
+        "with thickness" if thickness else "without thickness"
+    ]
     return times
 
 

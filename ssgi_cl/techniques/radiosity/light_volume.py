@@ -42,6 +42,7 @@ _AROUND = np.array(sorted(itertools.product((-1, 0, 1), repeat=3), key=lambda st
 """Steps to cells and those around them, the nearest first."""
 
 Box = tuple[slice, slice, slice]
+"""Cells of a volume by z, y and x."""
 Planes = Callable[[NDArray[np.intp], float], Doubles]
 """Takes for each piece the number of another in its cell, and a height above both, scene units.
 
@@ -197,7 +198,7 @@ class SurfaceCells:
             self._near[given, face] = found * FACES + face
             area[given, face] = 0.0
 
-        with ThreadPoolExecutor() as pool:
+        with ThreadPoolExecutor(FACES) as pool:
             list(pool.map(lend, range(FACES)))
         self._shown_area = self._slots.sums(lit.area * self._shown, len(place))
         self.area = np.maximum(area / self.side**2, FAINT)
@@ -313,7 +314,7 @@ def _box(there: NDArray[np.bool_]) -> Box:
 def _nearest(there: NDArray[np.bool_], box: Box) -> NDArray[np.int32]:
     """Return [3, cells] the z, y and x of the nearest of the cells that are there, all within a box, for each.
 
-    Cells outside of the box have what the nearest in it has.
+    Cells outside of the box have what the nearest in it has, up to 1.5 times as far as the nearest.
     """
     from scipy import ndimage  # takes a fifth of a second, which other commands do without
 

@@ -53,10 +53,12 @@ MOST_BOUNCES = 2000
 LEAST_ABSORBED = 2e-3
 """Least share of the light absorbed at each bounce: with less the sum of all bounces is not computed."""
 LEAP = 5
-"""Bounce by rays after which the sum of the series is taken for all. 7 to 9 are computed of rooms in place of 10 to 15,
-and err less."""
+"""Bounce by rays after which the rest of the series is added. 7 to 9 are computed of rooms in place of 10 to 15, with
+less error."""
+CERTAIN = 0.97
+"""Ratio from which on that bounce tells too little of the rest: light may not yet have come to where it leaves."""
 ROUNDED = 1e-5
-"""Share of the flux that changes as roundings do: less tells no ratio."""
+"""Share of the flux below which a change is rounding, and gives no ratio."""
 SETTLED = 50
 """Bounces after which the ratio of one to the one before is that of all later ones."""
 
@@ -308,7 +310,7 @@ class Radiosity(Prepared[RadiosityParams]):
             return source + rays.bounce(self._cells().light(weight * before))
 
         known = self._history.known(surfels, self._key) if self.params.bounces == "all" else None
-        received = self._bounced(weight, bounce, known, leap=LEAP)
+        received = self._bounced(weight, bounce, known, leap=LEAP if self.params.bounces == "all" else None)
         self._history.keep(surfels, self._key, received)
         return received, direct
 
@@ -357,19 +359,19 @@ class Radiosity(Prepared[RadiosityParams]):
             weight: [n, 3] what of it counts for the flux.
             bounce: returns irradiance after so many bounces from that after one less.
             known: irradiance [n, 3] near to that of all bounces, to begin with.
-            leap: bounce of all after which the sum of the series takes the place of what arrived; None: of none.
+            leap: bounce after which the sum of the series takes the place of what arrived; None: after none.
         """
         wanted = self.params.bounces
         before = np.zeros(weight.shape) if known is None else known
-        change, ratio = np.full(3, math.inf), np.zeros(3)
+        change, ratio, leapt = np.full(3, math.inf), np.zeros(3), np.zeros(3, np.bool_)
         for number in range(1, (MOST_BOUNCES if wanted == "all" else int(wanted)) + 1):
             received = bounce(number, before)
             self.bounces = number
             step = received - before
             latest, total = (np.einsum("nc,nc->c", flux, weight) for flux in (np.abs(step), received))
-            now = np.where(change > ROUNDED * total, latest / np.maximum(change, 1e-300), ratio)
+            now = np.divide(latest, change, out=ratio.copy(), where=change > ROUNDED * total)
             # What is left of an error after the leap falls faster than the series does.
-            ratio = now if leap is None or number <= leap else np.maximum(now, ratio)
+            ratio = np.where(leapt & (number < SETTLED), np.maximum(now, ratio), now)
             before, change = received, latest
             if number < 3:
                 continue
@@ -383,9 +385,10 @@ class Radiosity(Prepared[RadiosityParams]):
                     f"of the light at each bounce: expected {LEAST_ABSORBED} or more (give bounces "
                     "as an integer, or surfaces a lower albedo)"
                 )
-            if wanted == "all" and number == leap:
-                before = np.maximum(received + np.minimum(rest, 1.0 / LEAST_ABSORBED) * step, 0.0)
-                change = np.full(3, math.inf)
+            if number == leap:
+                leapt = ratio < CERTAIN
+                before = np.where(leapt, np.maximum(received + rest * step, 0.0), received)
+                change = np.where(leapt, math.inf, change)
         return before
 
 

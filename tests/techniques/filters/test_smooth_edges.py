@@ -132,7 +132,7 @@ def test_kernel_agrees_with_reference_in_every_camera(
     assert np.abs(drawn.smoothed(radiance) - radiance).max() > 0.2
 
 
-@pytest.mark.parametrize("places", [1, 2, 5, 7, 8, 13])
+@pytest.mark.parametrize("places", [1, 2, 5, 7, 8, 13, 64])
 def test_every_kernel_variant_agrees_with_reference(
     variant_runtime: Runtime, rng: np.random.Generator, places: int
 ) -> None:

@@ -213,6 +213,20 @@ def test_a_furnace_of_metal_loses_what_lobes_have_below_surfaces(runtime: Runtim
     np.testing.assert_allclose(sent, math.pi / (1.0 - albedo), rtol=0.02)
 
 
+@pytest.mark.parametrize("albedo", [0.9, 1.0])
+def test_light_leaves_a_long_corridor_of_white_walls(runtime: Runtime, albedo: float) -> None:
+    """After five bounces none has come to its open end, and nothing seems to be absorbed."""
+    corners = [[x, y, z] for z in (0.0, 9.0) for y in (0, 1) for x in (0, 1)]
+    walls = [(0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
+    triangles = np.array([t for a, b, c, d in [(0, 2, 3, 1), *walls] for t in ((a, b, c), (a, c, d))])
+    materials = (Material(albedo=(albedo,) * 3, emission=(1.0,) * 3), Material(albedo=(albedo,) * 3))
+    corridor = meshed(corners, triangles, materials, [0, 0, *[1] * 8])
+    made, one_by_one = solved(runtime, corridor), solved(runtime, corridor, bounces=1500)
+    assert 20 < made.bounces <= one_by_one.bounces < 1500
+    flux = [each.surfels.area @ each.irradiance[:, 0] for each in (made, one_by_one)]
+    assert flux[0] == pytest.approx(flux[1], rel=0.004)  # in each .002 may be left
+
+
 def test_few_bounces_tell_all_of_those_to_come(runtime: Runtime) -> None:
     """Channels would end after 2 to 120 bounces; those that end first must not keep the others from ending."""
     albedo = np.array([0.95, 0.7, 0.01])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, TypedDict, TypeVar, get_args
@@ -182,6 +183,7 @@ class OcclusionTechnique(Prepared[Any], ABC):
 
 
 T = TypeVar("T", bound=OcclusionTechnique)
+G = TypeVar("G", bound=GBuffer | DeviceGBuffer)
 
 
 def made_for(
@@ -201,16 +203,20 @@ def made_for(
 def surfaces_on_device(gbuffer: GBuffer | DeviceGBuffer, runtime: Runtime | None) -> DeviceGBuffer:
     """Return the G-buffer in device memory; of one in host memory only what occlusion reads goes there."""
     if isinstance(gbuffer, GBuffer):
-        gbuffer = copy(gbuffer)
-        for name in _UNREAD:
-            object.__setattr__(gbuffer, name, None)
+        gbuffer = _without(gbuffer, _UNREAD)
     return on_device(gbuffer, runtime)
 
 
 def without_thickness(gbuffer: GBuffer | DeviceGBuffer) -> GBuffer | DeviceGBuffer:
     """Return a G-buffer of the same memory whose surfaces' ends are guessed."""
+    return _without(gbuffer, ("thickness",))
+
+
+def _without(gbuffer: G, names: Iterable[str]) -> G:
+    """Return a G-buffer of the same memory that lacks some arrays."""
     other = copy(gbuffer)
-    object.__setattr__(other, "thickness", None)
+    for name in names:
+        object.__setattr__(other, name, None)
     return other
 
 

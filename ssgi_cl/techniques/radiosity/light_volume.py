@@ -38,8 +38,13 @@ BEYOND = 0.1
 LOOK = 0.25
 """Cells above their surfaces at which pieces look at each other."""
 
-_AROUND = np.array(sorted(itertools.product((-1, 0, 1), repeat=3), key=lambda step: sum(map(abs, step))))
-"""Steps to cells and those around them, the nearest first."""
+_RINGS = [
+    np.array([step for step in itertools.product((-1, 0, 1), repeat=3) if np.abs(step).sum() == far])
+    for far in range(4)
+]
+"""Steps to a cell itself, and to those that share a side, an edge or a corner with it."""
+_AROUND = np.concatenate(_RINGS)
+"""All of them, the nearest first."""
 
 Box = tuple[slice, slice, slice]
 """Cells of a volume by z, y and x."""
@@ -344,13 +349,13 @@ def _spread(
     undivided = there.copy()
     divided: list[NDArray[np.intp]] = []
     by: list[NDArray[np.intp]] = []
-    for _, steps in itertools.groupby(_AROUND.tolist(), key=lambda step: sum(map(abs, step))):
+    for ring in _RINGS:
         targets, numbers = [], []
-        for step in steps:
-            moved = place + np.array(step)[:, None]
+        for step in ring:
+            moved = place + step[:, None]
             within = ((moved >= 0) & (moved < CELLS)).all(axis=0)
-            to = np.ravel_multi_index(tuple(moved), (CELLS, CELLS, CELLS), mode="clip")
-            cut = np.abs(off + planes[:, :3] @ np.array(step[::-1], np.float64)) < most
+            to = cells_at(moved[::-1].T)
+            cut = np.abs(off + planes[:, :3] @ step[::-1].astype(np.float64)) < most
             number = np.flatnonzero(within & cut & undivided[to])
             targets.append(to[number])
             numbers.append(number)

@@ -309,8 +309,10 @@ class Radiosity(Prepared[RadiosityParams]):
                 return source
             return source + rays.bounce(self._cells().light(weight * before))
 
-        known = self._history.known(surfels, self._key) if self.params.bounces == "all" else None
-        received = self._bounced(weight, bounce, known, leap=LEAP if self.params.bounces == "all" else None)
+        known, leap = None, None
+        if self.params.bounces == "all":
+            known, leap = self._history.known(surfels, self._key), LEAP
+        received = self._bounced(weight, bounce, known, leap=leap)
         self._history.keep(surfels, self._key, received)
         return received, direct
 

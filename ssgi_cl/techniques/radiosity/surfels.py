@@ -87,14 +87,13 @@ class Surfels:
         rows = np.arange(len(self))
         moved = {name: getattr(self, name).copy() for name in _OF_PARTS}
         for values in moved.values():
-            parts = values.reshape(-1, PARTS, *values.shape[1:])
+            parts = _by_surfel(values)
             parts[rows, 0], parts[rows, part] = parts[rows, part], parts[rows, 0]
         return replace(self, position=moved["part_position"][::PARTS], **moved)
 
     def mean_of_parts(self, values: Doubles) -> Doubles:
         """Return means [count, ...] by area of values [PARTS count, ...] of the parts."""
-        weighted = self.part_area[:, None] * values
-        mean: Doubles = weighted.reshape(-1, PARTS, *values.shape[1:]).sum(axis=1) / self.area[:, None]
+        mean: Doubles = _by_surfel(self.part_area[:, None] * values).sum(axis=1) / self.area[:, None]
         return mean
 
     def chosen(self, order: NDArray[np.intp]) -> Surfels:
@@ -102,9 +101,8 @@ class Surfels:
         own = {name: getattr(self, name)[order] for name in _OWN}
         of_parts = {}
         for name in _OF_PARTS:
-            values = getattr(self, name)
-            rows = values.reshape(len(self), PARTS, *values.shape[1:])[order]
-            of_parts[name] = rows.reshape(-1, *values.shape[1:])
+            rows = _by_surfel(getattr(self, name))[order]
+            of_parts[name] = rows.reshape(-1, *rows.shape[2:])
         return Surfels(origin=self.origin, **own, **of_parts)
 
     def numbered(self) -> Surfels:
@@ -150,6 +148,11 @@ class Surfels:
         }
         kept["normal"] = np.where((length > LEAST_FACING)[:, None], kept["normal"], self.normal)
         return replace(moved, position=position[::PARTS], **kept)
+
+
+def _by_surfel(values: NDArray[Any]) -> NDArray[Any]:
+    """Return values of parts [PARTS count, ...] as [count, PARTS, ...], of the same memory."""
+    return values.reshape(-1, PARTS, *values.shape[1:])
 
 
 LEAST_GROWTH = 1e-6

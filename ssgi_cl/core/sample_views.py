@@ -33,28 +33,23 @@ def sample_views(directions: Doubles, bounds: Doubles, texels: int) -> tuple[Dou
     corners = box_corners(bounds)
     extent = float(np.linalg.norm(bounds[1] - bounds[0])) or 1.0
     least = 1e-4 * extent  # of a map's side: a flat scene seen edge on
-    views, diagonals = np.zeros((len(directions), 3, 4)), np.zeros(len(directions))
-    for number, to_light in enumerate(directions):
-        other = np.eye(3)[np.abs(to_light).argmin()]
-        right = np.cross(other, to_light)
-        right /= np.linalg.norm(right)
-        up = np.cross(to_light, right)
-        angle = np.arange(TURNS) * (0.5 * math.pi / TURNS)
-        u = np.cos(angle)[:, None] * right + np.sin(angle)[:, None] * up
-        v = np.cos(angle)[:, None] * up - np.sin(angle)[:, None] * right
-        at = np.stack([corners @ u.T, corners @ v.T])  # [2, corners, turns]
-        low, high = at.min(axis=1), at.max(axis=1)
-        side = np.maximum(high - low, least)
-        best = int((side[0] * side[1]).argmin())
-        scale = (texels - 2.0) / side[:, best]  # an empty texel all round
-        axes = np.stack([u[best], v[best]])
-        depth = corners @ -to_light
-        views[number, :2, :3] = axes * scale[:, None]
-        views[number, :2, 3] = 1.0 - low[:, best] * scale
-        views[number, 2, :3] = -to_light
-        views[number, 2, 3] = 1e-3 * extent - depth.min()
-        diagonals[number] = float(np.linalg.norm(1.0 / scale))
-    return views, diagonals
+    number = np.arange(len(directions))
+    right = np.cross(np.eye(3)[np.abs(directions).argmin(axis=1)], directions)
+    right /= np.linalg.norm(right, axis=1, keepdims=True)
+    up = np.cross(directions, right)
+    angle = np.arange(TURNS) * (0.5 * math.pi / TURNS)
+    cosine, sine = (turn[:, None, None] for turn in (np.cos(angle), np.sin(angle)))
+    axes = np.stack([cosine * right + sine * up, cosine * up - sine * right], axis=2)  # [turns, n, 2, 3]
+    at = axes @ corners.T
+    low, side = at.min(axis=3), np.maximum(np.ptp(at, axis=3), least)
+    best = side.prod(axis=2).argmin(axis=0), number
+    scale = (texels - 2.0) / side[best]  # an empty texel all round
+    views = np.empty((len(directions), 3, 4))
+    views[:, :2, :3] = axes[best] * scale[..., None]
+    views[:, :2, 3] = 1.0 - low[best] * scale
+    views[:, 2, :3] = -directions
+    views[:, 2, 3] = 1e-3 * extent + (directions @ corners.T).max(axis=1)
+    return views, np.linalg.norm(1.0 / scale, axis=1)
 
 
 def interleaved(count: int) -> NDArray[np.int64]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.camera_rays import visibility_rays
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.scene import Scene
-from ssgi_cl.truth.metrics import STEP
+from ssgi_cl.truth.image_regions import STEP
 
 Doubles = NDArray[np.float64]
 Joined = NDArray[np.bool_]

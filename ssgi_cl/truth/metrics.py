@@ -7,7 +7,6 @@ pixels that are True count; without one, all do. The truth comes second.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -15,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ssgi_cl.core import checks
 from ssgi_cl.core.errors import MissingExtraError
-from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.vpls import LUMINANCE
+from ssgi_cl.truth.image_regions import REGIONS, Mask, connected, regions, smooth_surfaces
 
 __all__ = [
     "PIXELS_PER_DEGREE",
@@ -41,28 +40,9 @@ def __dir__() -> list[str]:
 
 
 Doubles = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 PIXELS_PER_DEGREE = 67.02
 """Of FLIP: a display 0.7 m wide with 3840 columns, seen from 0.7 m."""
-
-REGIONS = ("border", "thin", "silhouettes", "creases", "elsewhere")
-"""Regions of an image, in the order in which they claim a pixel."""
-
-STEP = 0.02
-"""A silhouette: each of two neighbours is off the other's tangent plane by this share of depth (orthographic: of the
-view's height)."""
-CREASE_ANGLE = math.radians(25.0)
-"""A crease: normals of neighbours on one surface turn by more than this, radians."""
-REACH = 3
-"""Pixels round a silhouette or crease that belong to it: error reaches that far, at least."""
-BORDER = 0.05
-"""Share of the shorter side of the image that its border takes on every side."""
-THIN = 5
-"""Columns or rows that a thin part covers, at most."""
-MATERIAL_STEP = 0.25
-"""An edge of materials: a reflectance, exponent or emission of neighbours differs by more than this share of the
-larger one."""
 
 NARROW, WIDE = 2.0, 20.0
 """Standard deviations in pixels of the Gaussians between which errors count as mottling: noise of single pixels is
@@ -226,7 +206,7 @@ def mottling(image: ArrayLike, truth: ArrayLike, smooth: ArrayLike) -> float:
     if floor == 0.0:
         raise ValueError("truth is black where smooth is True: expected light, of which errors are a share")
     total = 0.0
-    for region, own in _connected(where):
+    for region, own in connected(where):
         narrow = [_blurred(light[region], own, NARROW) + floor for light in lights]
         error = np.log(narrow[0] / narrow[1])
         # Both Gaussians one after the other are as wide as `WIDE`.
@@ -262,7 +242,7 @@ def streaks(image: ArrayLike, truth: ArrayLike, smooth: ArrayLike, *, noise: flo
     labels = np.zeros(where.shape, np.int32)
     weights = LUMINANCE if value.shape[2] == 3 else np.ones(1)
     raw = np.where(where[..., None], value, 0.0) @ weights - np.where(where[..., None], reference, 0.0) @ weights
-    for number, (region, own) in enumerate(_connected(where), start=1):
+    for number, (region, own) in enumerate(connected(where), start=1):
         labels[region][own] = number
         error[region][own] = (raw[region] - _blurred(raw[region], own, EVEN))[own]
     alike = {step: _products(error, labels, step) for step in DIRECTIONS}
@@ -281,69 +261,6 @@ def streaks(image: ArrayLike, truth: ArrayLike, smooth: ArrayLike, *, noise: flo
                 share = (period - 1) / period
                 found.append(share * (_mean(products[repeats], count[repeats]) - other_mean) - chance)
     return math.sqrt(max(found))
-
-
-def smooth_surfaces(gbuffer: GBuffer) -> Mask:
-    """Return where blotches can be told from edges, [rows, columns].
-
-    Those are surfaces without a silhouette, a crease (see `regions`) or an edge of materials within
-    3 pixels, of at least 400 pixels that share sides. A material's edge: albedo, specular, gloss or
-    emission of two neighbours differ by more than 25 % of the larger one.
-
-    Args:
-        gbuffer: its first layer; normals that it lacks are taken from its depth.
-    """
-    depth = inner_array(gbuffer, "depth").astype(np.float64)
-    away, _, _, turned = _edges(gbuffer, depth, *_normals(gbuffer, depth))
-    found = np.isfinite(depth) & ~_grown(away | turned | _material_edges(gbuffer), REACH)
-    for region, own in _connected(found):
-        if own.sum() < WIDE**2:
-            found[region] &= ~own
-    return found
-
-
-def regions(gbuffer: GBuffer) -> dict[str, Mask]:
-    """Return where errors of screen-space methods tend to sit, each a mask [rows, columns].
-
-    Every pixel that shows a surface is in exactly one of `REGIONS`; one that would fit several is
-    in the first:
-
-    - border: within 5 % of the image's shorter side from its edge, at least 1 pixel;
-    - thin: what a row or column of the image crosses in at most 5 pixels between a silhouette on
-      which it is the nearer side and another one;
-    - silhouettes: within 3 pixels of two neighbours of which each lies off the other's tangent
-      plane by more than 2 % of the smaller depth, or one shows nothing;
-    - creases: within 3 pixels of two other neighbours whose normals, turned to the viewer, differ
-      by more than 25 degrees;
-    - elsewhere.
-
-    Args:
-        gbuffer: its first layer; normals that it lacks are taken from its depth.
-    """
-    depth = inner_array(gbuffer, "depth").astype(np.float64)
-    seen = np.isfinite(depth)
-    normal, known = _normals(gbuffer, depth)
-    away, nearer, farther, turned = _edges(gbuffer, depth, normal, known)
-    rows, columns = depth.shape
-    margin = max(1, math.ceil(BORDER * min(rows, columns)))
-    border = np.ones_like(seen)
-    border[margin : rows - margin, margin : columns - margin] = False
-    thin = np.zeros_like(seen)
-    for axis in (0, 1):
-        thin |= _between(farther[axis], nearer[axis], axis)
-    claims = {
-        "border": border,
-        "thin": thin,
-        "silhouettes": _grown(away, REACH),
-        "creases": _grown(turned, REACH),
-        "elsewhere": np.ones_like(seen),
-    }
-    free = seen.copy()
-    result = {}
-    for name, claim in claims.items():
-        result[name] = claim & free
-        free &= ~claim
-    return result
 
 
 def _counted(image: ArrayLike, truth: ArrayLike, mask: ArrayLike | None) -> tuple[Doubles, Doubles]:
@@ -429,145 +346,6 @@ def _flip(
     return float(errors[where].mean())
 
 
-def inner_array(gbuffer: GBuffer, name: str) -> NDArray[np.float32]:
-    """Return an array of the first layer without the margin; ValueError if there is none."""
-    array = gbuffer.first(name)
-    if array is None:
-        raise ValueError(f"gbuffer has no {name}")
-    return gbuffer.inner(array)
-
-
-def _normals(gbuffer: GBuffer, depth: Doubles) -> tuple[Doubles, Mask]:
-    """Return normals [rows, columns, 3] that face the viewer, and where they are known.
-
-    Without any, the cross product of the differences of position to the neighbour that is nearer
-    in depth, on both axes.
-    """
-    # View rays and positions in view space, whose origin is near.
-    position = _positions(gbuffer, depth)
-    if gbuffer.normal is not None:
-        world = inner_array(gbuffer, "normal").astype(np.float64)
-        normal = world @ gbuffer.camera.view[:3, :3].T
-    else:
-        normal = np.cross(_slope(position, 0), _slope(position, 1))
-    length = np.linalg.norm(normal, axis=-1, keepdims=True)
-    known = np.isfinite(depth) & (length[..., 0] > 0.0) & np.isfinite(length[..., 0])
-    normal = np.where(known[..., None], normal / np.where(known[..., None], length, 1.0), 0.0)
-    view_ray = np.array([0.0, 0.0, -1.0]) if gbuffer.camera.is_orthographic else position
-    n_dot_v = np.sum(np.where(known[..., None], normal * view_ray, 0.0), axis=-1)
-    return np.where(n_dot_v[..., None] > 0.0, -normal, normal), known
-
-
-def _positions(gbuffer: GBuffer, depth: Doubles) -> Doubles:
-    """Return positions [rows, columns, 3] in view space; 0 where nothing is."""
-    camera = gbuffer.camera
-    sx, sy, ox, oy = camera.pixel_to_view
-    deep = np.where(np.isfinite(depth), depth, 0.0)
-    k = np.ones_like(deep) if camera.is_orthographic else deep
-    x = (sx * (np.arange(camera.width) + 0.5) + ox) * k
-    y = (sy * (np.arange(camera.height) + 0.5) + oy)[:, None] * k
-    position: Doubles = np.stack([x, y, -deep], axis=-1)
-    position[~np.isfinite(depth)] = 0.0
-    return position
-
-
-def _slope(position: Doubles, axis: int) -> Doubles:
-    """Return the difference to the neighbour before or after, whichever is closer in depth."""
-    size = position.shape[axis]
-    if size < 2:
-        return np.zeros_like(position)
-    step = np.diff(position, axis=axis)
-    nothing = position[..., 2] == 0.0
-    ends = [np.take(nothing, np.arange(i, size - 1 + i), axis=axis) for i in (0, 1)]
-    step[ends[0] | ends[1]] = np.inf
-    rim = np.full_like(np.take(step, [0], axis=axis), np.inf)
-    before = np.concatenate([rim, step], axis=axis)
-    after = np.concatenate([step, rim], axis=axis)
-    closer = np.abs(before[..., 2:]) < np.abs(after[..., 2:])
-    chosen = np.where(closer, before, after)
-    return np.where(np.isfinite(chosen), chosen, 0.0)
-
-
-def _edges(gbuffer: GBuffer, depth: Doubles, normal: Doubles, known: Mask) -> tuple[Mask, list[Mask], list[Mask], Mask]:
-    """Compare neighbours.
-
-    Returns:
-        Where a pixel is next to a silhouette; for each axis whether the step to the next pixel
-        leads to something farther, [size - 1 along the axis], or nearer, as (nearer, farther)
-        lists; where a pixel is next to a crease.
-    """
-    position = _positions(gbuffer, depth)
-    seen = np.isfinite(depth)
-    away, turned = np.zeros_like(seen), np.zeros_like(seen)
-    nearer, farther = [], []
-    for axis in (0, 1):
-        size = depth.shape[axis]
-        one = tuple(slice(0, size - 1) if a == axis else slice(None) for a in (0, 1))
-        two = tuple(slice(1, size) if a == axis else slice(None) for a in (0, 1))
-        step = position[two] - position[one]
-        least = np.minimum(depth[one], depth[two])
-        off = np.minimum(
-            *(np.where(known[side], np.abs(np.sum(step * normal[side], axis=-1)), np.inf) for side in (one, two))
-        )
-        both = seen[one] & seen[two]
-        # Off both tangent planes: a crease lies off one of them by less than the step in depth.
-        apart = both & (off > STEP * gbuffer.camera.tolerance_depth(np.where(both, least, 1.0)))
-        edge = apart | (seen[one] != seen[two])
-        with np.errstate(invalid="ignore"):
-            farther.append(edge & (depth[two] > depth[one]))
-            nearer.append(edge & (depth[two] < depth[one]))
-        bend = np.sum(normal[one] * normal[two], axis=-1) < math.cos(CREASE_ANGLE)
-        bend &= both & ~edge & known[one] & known[two]
-        for mask, found in ((away, edge), (turned, bend)):
-            mask[one] |= found
-            mask[two] |= found
-    return away, nearer, farther, turned
-
-
-def _between(farther: Mask, nearer: Mask, axis: int) -> Mask:
-    """Return the pixels between a step nearer and, within `THIN` pixels, a step farther."""
-    shape = list(farther.shape)
-    shape[axis] += 1
-    entered, left = np.moveaxis(nearer, axis, 0), np.moveaxis(farther, axis, 0)
-    found = np.moveaxis(np.zeros(shape, np.bool_), axis, 0)
-    size = len(found)
-    for width in range(1, THIN + 1):
-        # Pixels i + 1 to i + width: step i enters, step i + width leaves.
-        count = size - 1 - width
-        if count <= 0:
-            break
-        here = entered[:count] & left[width : width + count]
-        for k in range(width):
-            found[1 + k : 1 + k + count] |= here
-    return np.moveaxis(found, 0, axis)
-
-
-def _material_edges(gbuffer: GBuffer) -> Mask:
-    """Return where a pixel is next to one of another material."""
-    found = np.zeros(gbuffer.size, np.bool_)
-    for name in ("albedo", "specular", "gloss", "emission"):
-        if getattr(gbuffer, name) is None:
-            continue
-        values = np.nan_to_num(inner_array(gbuffer, name).astype(np.float64))
-        values = values.reshape(*values.shape[:2], -1)
-        for axis in (0, 1):
-            one, two = (np.moveaxis(values, axis, 0)[part] for part in (slice(None, -1), slice(1, None)))
-            apart = np.any(np.abs(one - two) > MATERIAL_STEP * np.maximum(np.abs(one), np.abs(two)), axis=-1)
-            along = np.moveaxis(found, axis, 0)
-            along[:-1] |= apart
-            along[1:] |= apart
-    return found
-
-
-def _connected(mask: Mask) -> Iterator[tuple[tuple[slice, slice], Mask]]:
-    """Give the box round each set of pixels that share sides, and where it is in its box."""
-    from scipy import ndimage  # takes a fifth of a second, which other commands do without
-
-    labels, _ = ndimage.label(mask)
-    for number, region in enumerate(ndimage.find_objects(labels), start=1):
-        yield region, labels[region] == number
-
-
 def _blurred(values: Doubles, own: Mask, width: float) -> Doubles:
     """Return Gaussian means of the pixels of `own`; elsewhere numbers of no use."""
     from scipy.ndimage import gaussian_filter
@@ -598,12 +376,3 @@ def _mean(sums: Doubles, counts: Doubles) -> float:
     """Return the mean over distances of mean products; those without a pair do not count."""
     known = counts > 0
     return float(np.mean(sums[known] / counts[known])) if known.any() else 0.0
-
-
-def _grown(mask: Mask, reach: int) -> Mask:
-    """Return the mask with all pixels within `reach` rows and columns of it."""
-    from scipy.ndimage import binary_dilation  # takes a fifth of a second, which other commands do without
-
-    side = 2 * reach + 1
-    grown: Mask = binary_dilation(mask, np.ones((side, side), np.bool_))
-    return grown

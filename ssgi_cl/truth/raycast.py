@@ -16,7 +16,7 @@ from ssgi_cl.core.errors import MissingExtraError
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.scene_parts import without_holes
-from ssgi_cl.truth.metrics import inner_array
+from ssgi_cl.truth.image_regions import inner_array
 
 Doubles = NDArray[np.float64]
 Floats = NDArray[np.float32]

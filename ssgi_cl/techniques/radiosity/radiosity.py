@@ -24,8 +24,9 @@ from ssgi_cl.techniques.occupancy.occupancy_grid import GRIDS
 from ssgi_cl.techniques.occupancy.scene_rays import rays_carry_first_bounce, rays_meet_triangles
 from ssgi_cl.techniques.radiosity.even_light import EvenLight, even_and_bright
 from ssgi_cl.techniques.radiosity.gaps import openings
-from ssgi_cl.techniques.radiosity.light_volume import CELLS, LightVolume, Pieces, SurfaceCells
+from ssgi_cl.techniques.radiosity.light_volume import CELLS, LightVolume
 from ssgi_cl.techniques.radiosity.sky_directions import sky_directions
+from ssgi_cl.techniques.radiosity.surface_cells import Pieces, SurfaceCells
 from ssgi_cl.techniques.radiosity.surfel_history import STEADY_LIGHTS, SurfelHistory
 from ssgi_cl.techniques.radiosity.surfel_rays import SurfelPoints, SurfelRays, hiding_planes, open_shares, seen_parts
 from ssgi_cl.techniques.radiosity.surfels import Surfels

@@ -20,7 +20,8 @@ from ssgi_cl.device.constants import DIRECT_LIGHT
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.raster.scene_bvh import scene_bvh
 from ssgi_cl.techniques.occupancy.scene_rays import LIFT
-from ssgi_cl.techniques.radiosity.light_volume import LightVolume, Planes, SurfaceCells, device_volume
+from ssgi_cl.techniques.radiosity.light_volume import LightVolume, device_volume
+from ssgi_cl.techniques.radiosity.surface_cells import Planes, SurfaceCells
 from ssgi_cl.techniques.radiosity.surfels import Surfels
 from ssgi_cl.techniques.sky_levels import SkyLevels
 

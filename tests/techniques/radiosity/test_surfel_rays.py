@@ -15,7 +15,8 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.area_lights.area_lights import polygon_irradiance
 from ssgi_cl.reference.multires.final_gather import final_gather_reference
 from ssgi_cl.techniques.occupancy.scene_rays import LIFT
-from ssgi_cl.techniques.radiosity.light_volume import CELLS, FACES, LightVolume, Pieces, SurfaceCells
+from ssgi_cl.techniques.radiosity.light_volume import CELLS, FACES, LightVolume
+from ssgi_cl.techniques.radiosity.surface_cells import Pieces, SurfaceCells
 from ssgi_cl.techniques.radiosity.surfel_rays import RAYS, SurfelPoints, SurfelRays, open_shares, seen_parts
 from ssgi_cl.techniques.radiosity.surfels import Surfels, scene_surfels
 from ssgi_cl.techniques.sky_levels import SkyLevels

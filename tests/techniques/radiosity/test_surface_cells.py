@@ -14,8 +14,9 @@ from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize import rsm
 from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
 from ssgi_cl.techniques.radiosity import radiosity as radiosity_module
-from ssgi_cl.techniques.radiosity.light_volume import CELLS, FAINT, LEAST_SHOWN, NEAR, LightVolume, Pieces, SurfaceCells
+from ssgi_cl.techniques.radiosity.light_volume import CELLS, LightVolume
 from ssgi_cl.techniques.radiosity.radiosity import Radiosity, RadiosityParams
+from ssgi_cl.techniques.radiosity.surface_cells import FAINT, LEAST_SHOWN, NEAR, Pieces, SurfaceCells
 from ssgi_cl.techniques.vpl.vpl_choice import on_device_rsms
 
 Doubles = NDArray[np.float64]

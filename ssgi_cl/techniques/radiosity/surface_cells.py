@@ -74,8 +74,8 @@ class Pieces:
 class SurfaceCells:
     """The cells of a cube that surfaces lie in, and which sides they face there.
 
-    Where a cell has no surface that faces a side, the nearest that has counts, as if it were `FAINT` of the cell's
-    side.
+    Where a cell has no surface that faces a side, the nearest that has counts, as seen from the side that its own face,
+    as if it were `FAINT` of the cell's side.
 
     Args:
         lit: pieces that stand for all surfaces that light reaches.
@@ -113,7 +113,9 @@ class SurfaceCells:
         self._grid = grid = _RecordGrid(there, divided, cut)
         self.cells = grid.cells()
         count = len(grid.place)
-        self._slots = _Slots.of(self._records(own, lit), lit.normal)
+        record = self._records(own, lit)
+        grid.look_towards(np.stack([np.bincount(record, part, count) for part in (lit.area[:, None] * lit.normal).T]).T)
+        self._slots = _Slots.of(record, lit.normal)
         self._shown_area = self._slots.sums(lit.area * self._shown, count)
         black = _Slots.of(self._records(others, dark), dark.normal).sums(dark.area, count)
         area = self._slots.sums(lit.area, count)
@@ -246,7 +248,14 @@ class _RecordGrid:
         self._aside: Doubles = self._middle.copy()
         for side, way in enumerate((1.0, -1.0)):
             self._aside[side : 2 * len(divided) : 2] += way * planes[:, :3]
-        self._around = cells_at(self._aside)
+
+    def look_towards(self, facing: Doubles) -> None:
+        """Have records of whole cells look for surfaces from where their own face [records, 3], of any length: what is
+        behind a wall is as near as what is before it."""
+        length = np.linalg.norm(facing, axis=1)
+        facing = np.where(length[:, None] > 0.0, facing / np.maximum(length, 1e-300)[:, None], 0.0)
+        whole = slice(2 * len(self.planes), None)
+        self._aside[whole] += facing[whole]
 
     def cells(self) -> NDArray[np.int32]:
         """Return what `LightVolume.cells` has: that of the nearest cell that is there."""
@@ -275,7 +284,7 @@ class _RecordGrid:
         nearest = _nearest(there, self._box)
         far = ((self._middle[:, ::-1].T - 0.5 - nearest[:, self.place]) ** 2).sum(axis=0) > NEAR**2
         given = np.flatnonzero(~known & ~(has & far))
-        cell = self._numbers_of(nearest[:, self._around[given]])
+        cell = self._numbers_of(nearest[:, cells_at(self._aside[given])])
         found = self.resolved(cell, self._aside[given])
         # Of a plane's sides one may have none.
         empty = np.flatnonzero(~known[found])

@@ -88,6 +88,14 @@ def test_the_nearest_surface_counts_where_there_is_none() -> None:
     np.testing.assert_allclose(at(volume, 40, 5, 6)[5, :3], 3.0)
 
 
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_wall_looks_for_surfaces_before_it(way: int) -> None:
+    """Ceilings of two rooms, as far from the wall between them."""
+    places, normals = [centre(10, 5, 6), centre(9, 5, 6), centre(11, 5, 6)], [[way, 0, 0], [0, -1, 0], [0, -1, 0]]
+    volume = volume_of(light(places, normals, [1e-3] * 3, [0.0, math.pi, 3 * math.pi]))
+    np.testing.assert_allclose(at(volume, 10, 5, 6)[3, :3], 2.0 + way)
+
+
 def test_a_slanted_surface_counts_for_the_sides_that_it_faces() -> None:
     volume = volume_of(light([centre(4, 5, 6)], [[0.6, 0.0, -0.8]], [0.002], [math.pi]))
     np.testing.assert_allclose(at(volume, 4, 5, 6)[[0, 5], :3], 1.0)

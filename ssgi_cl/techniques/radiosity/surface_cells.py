@@ -114,7 +114,10 @@ class SurfaceCells:
         self.cells = grid.cells()
         count = len(grid.place)
         record = self._records(own, lit)
-        grid.look_towards(np.stack([np.bincount(record, part, count) for part in (lit.area[:, None] * lit.normal).T]).T)
+        towards: Doubles = np.zeros((count, 3))
+        for axis, part in enumerate(lit.normal.T):
+            towards[:, axis] = np.bincount(record, lit.area * part, count)
+        grid.look_towards(towards)
         self._slots = _Slots.of(record, lit.normal)
         self._shown_area = self._slots.sums(lit.area * self._shown, count)
         black = _Slots.of(self._records(others, dark), dark.normal).sums(dark.area, count)
@@ -249,13 +252,12 @@ class _RecordGrid:
         for side, way in enumerate((1.0, -1.0)):
             self._aside[side : 2 * len(divided) : 2] += way * planes[:, :3]
 
-    def look_towards(self, facing: Doubles) -> None:
-        """Have records of whole cells look for surfaces from where their own face [records, 3], of any length: what is
+    def look_towards(self, ways: Doubles) -> None:
+        """Have records of whole cells look for surfaces from where their own face, [records, 3] of any length: what is
         behind a wall is as near as what is before it."""
-        length = np.linalg.norm(facing, axis=1)
-        facing = np.where(length[:, None] > 0.0, facing / np.maximum(length, 1e-300)[:, None], 0.0)
+        length = np.linalg.norm(ways, axis=1, keepdims=True)
         whole = slice(2 * len(self.planes), None)
-        self._aside[whole] += facing[whole]
+        self._aside[whole] += np.where(length > 0.0, ways / np.maximum(length, 1e-300), 0.0)[whole]
 
     def cells(self) -> NDArray[np.int32]:
         """Return what `LightVolume.cells` has: that of the nearest cell that is there."""

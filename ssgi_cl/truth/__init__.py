@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ssgi_cl.core.errors import TruthError
+from ssgi_cl.truth import metrics as metrics  # `ssgi_cl.metrics` is looked for here
 from ssgi_cl.truth.bent_normals import bent_normals
 from ssgi_cl.truth.layers import layered_occlusion
 from ssgi_cl.truth.light import direct_light, one_bounce

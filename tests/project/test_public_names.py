@@ -27,6 +27,12 @@ def test_modules_of_the_package_show_public_names_alone(module: ModuleType) -> N
     assert not [name for name in dir(module) if isinstance(getattr(module, name), ModuleType)]
 
 
+@pytest.mark.parametrize("module", sorted(SHOWN_MODULES))
+def test_modules_of_the_package_are_there_before_any_other_import(module: str) -> None:
+    done = subprocess.run([sys.executable, "-c", f"import ssgi_cl; ssgi_cl.{module}"], capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr.decode()
+
+
 def test_every_public_name_is_what_its_module_defines() -> None:
     for name in set(dir(gi)) - SHOWN_MODULES:
         value = getattr(gi, name)

@@ -3,13 +3,15 @@
 A command of its own for any scene: `python -m ssgi_cl.bench.experiments.pans --help`. The reference of a frame is the
 mean of `--samples` frames of other patterns, which has the technique's bias and little of its noise (of scenes that
 move over four sets of surfels). With `--paths`
-FLIP is against path-traced frames too.
+FLIP is against path-traced frames too. Where pycvvdp is installed, ColorVideoVDP judges the sequences.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 
 import click
@@ -47,7 +49,8 @@ FIRST = 8
 ORDERS = 4
 """Of triangles, of which scenes that move have surfels in a reference."""
 METHODS = ("one frame", "history")
-HEAD = ("scene", "method", "flicker", "pops, %", "FLIP", "FLIP, paths", "RMSE", "ms")
+HEAD = ("scene", "method", "flicker", "pops, %", "FLIP", "FLIP, paths", "RMSE", "CVVDP, JOD", "ms")
+FRAMES_A_SECOND = 24.0
 
 
 def pan(name: str, size: Size, frames: int, runtime: Runtime) -> list[Shot]:
@@ -187,7 +190,24 @@ def measured(
         }
         if truth is not None:
             found[name]["paths"] = flip(late, truth[begin:])
+        quality = video_quality([shown(one) for one in late], [shown(one) for one in wanted[begin:]])
+        if quality is not None:
+            found[name]["vdp"] = quality
     return found
+
+
+def video_quality(own: Sequence[Image], wanted: Sequence[Image]) -> float | None:
+    """Return how like another a sequence of pictures in [0, 1] looks, in just-objectionable differences below 10; None
+    where pycvvdp is not installed.
+
+    Mantiuk et al. 2024, "ColorVideoVDP: A Visual Difference Predictor for Image, Video and Display Distortions", for a
+    display of 4K at `FRAMES_A_SECOND`.
+    """
+    if find_spec("pycvvdp") is None:
+        return None
+    metric = import_module("pycvvdp").cvvdp(display_name="standard_4k", device=import_module("torch").device("cpu"))
+    quality, _ = metric.predict(np.stack(own), np.stack(wanted), dim_order="FHWC", frames_per_second=FRAMES_A_SECOND)
+    return float(quality)
 
 
 def rows(name: str, found: Mapping[str, Mapping[str, float]], ms: Mapping[str, float]) -> list[tuple[str, ...]]:
@@ -201,6 +221,7 @@ def rows(name: str, found: Mapping[str, Mapping[str, float]], ms: Mapping[str, f
             f"{own['flip']:.4f}",
             f"{own['paths']:.4f}" if "paths" in own else NOTHING,
             f"{own['rmse']:.3f}",
+            f"{own['vdp']:.2f}" if "vdp" in own else NOTHING,
             f"{ms[method]:.0f}" if method in ms else NOTHING,
         )
         for method, own in found.items()
@@ -235,7 +256,7 @@ def table(
         lines += rows(stem, measured(images, wanted, gbuffers, runtime, truth), ms)
         if folder is not None:
             _write(folder, stem.replace(" ", "-"), {**images, "reference": wanted}, auto_exposure(wanted[-1]), runtime)
-    return "\n".join(markdown(HEAD, lines, "ll" + 6 * "r"))
+    return "\n".join(markdown(HEAD, lines, "ll" + 7 * "r"))
 
 
 def _write(folder: Path, stem: str, images: Mapping[str, Sequence[Image]], exposure: float, runtime: Runtime) -> None:

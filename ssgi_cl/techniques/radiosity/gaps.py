@@ -14,11 +14,10 @@ from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.srgb import mean_color
 from ssgi_cl.core.vpls import LUMINANCE, PARTS, Vpls
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.rasterize.raster.scene_bvh import scene_bvh
-from ssgi_cl.techniques.occupancy.scene_rays import LIFT
 from ssgi_cl.techniques.radiosity.light_volume import CELLS, cells_at
-from ssgi_cl.techniques.radiosity.surfel_rays import AHEAD, REACH, ROW, Sources, diagonal_of
-from ssgi_cl.techniques.radiosity.surfels import Surfels, curve_numbers, facing_axis, triangle_cross
+from ssgi_cl.techniques.radiosity.surfel_rays import Sources
+from ssgi_cl.techniques.radiosity.surfels import Surfels, curve_numbers, facing_axis
+from ssgi_cl.techniques.radiosity.triangle_rays import TriangleRays, scattered
 
 Doubles = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -43,8 +42,8 @@ STEPS = 0.125 * 1.6 ** np.arange(12)
 """Widths of a gap along a ray at which it is looked whether it has left."""
 NEAR = 4.0
 """Widths of a gap from where light leaves it within which paths tell where it arrives, beyond which lights do."""
-LEAST_COSINE = 0.25
-"""Of rays that begin as high above their surfaces as others."""
+LEAST_AREA = 0.01
+"""Of a part to which paths bring light, in sides of a cell squared: smaller ones stand for no surface."""
 SEED = 11
 
 
@@ -85,7 +84,7 @@ def openings(
         return None
     chosen = emitting[((np.arange(PATHS) + 0.5) * (len(emitting) / PATHS)).astype(np.intp)]
     area = narrow.part_area[chosen] * (narrow.part_area[emitting].sum() / narrow.part_area[chosen].sum())
-    world = _Rays(runtime, scene)
+    world = TriangleRays(runtime, scene)
     shift = narrow.origin - scene.origin
     position, normal = narrow.part_position[chosen] + shift, narrow.part_normal[chosen]
     emission = narrow.part_emission[chosen]
@@ -94,7 +93,7 @@ def openings(
     gone: list[_Gone] = []
     lit: list[Doubles] = []
     for number in range(BOUNCES):
-        way = _scattered(normal, random)
+        way = scattered(normal, random.random((2, len(normal))).T)
         triangle, end, facing = world.met(world.start(position, normal, way), way)
         met = triangle >= 0
         stays = met.copy()
@@ -112,7 +111,7 @@ def openings(
             break
         position, normal = end[on], facing[on]
         flux = flux[on] * (share[on] / lasts[on, None])
-    left = world.left(_Gone(*map(np.concatenate, zip(*gone, strict=True))), width, is_lit)
+    left = _left(world, _Gone(*map(np.concatenate, zip(*gone, strict=True))), width, is_lit)
     shown = np.zeros(len(chosen))
     shown[left.first[left.first >= 0]] = 1.0
     reflected = left.chosen(left.first < 0)
@@ -157,31 +156,18 @@ def _albedo(scene: Scene) -> Doubles:
     return found
 
 
-def _facing(scene: Scene, triangle: NDArray[np.int32], way: Doubles) -> Doubles:
-    """Return unit normals [n, 3] of triangles on the side that rays meet."""
-    facing: Doubles = np.stack(triangle_cross(scene, triangle), axis=1)
-    facing /= np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-300)
-    facing *= -np.sign(np.einsum("nc,nc->n", facing, way))[:, None]
-    return facing
-
-
-def _scattered(normal: Doubles, random: np.random.Generator) -> Doubles:
-    """Return directions in proportion to the cosine about normals [n, 3]: to a point of a sphere on the surface."""
-    z, turn = random.uniform(-1.0, 1.0, len(normal)), random.uniform(0.0, 2.0 * math.pi, len(normal))
-    ring = np.sqrt(1.0 - z * z)
-    way: Doubles = normal * (1.0 + 1e-6) + np.stack([ring * np.cos(turn), ring * np.sin(turn), z], axis=1)
-    way /= np.linalg.norm(way, axis=1, keepdims=True)
-    return way
-
-
 def _cells(scene: Scene, position: Doubles) -> NDArray[np.intp]:
     """Return numbers of cells of the cube round a scene, of places relative to its origin."""
-    low, high = (bound - scene.origin for bound in scene.bounds)
-    return cells_at((position - low) * (CELLS / max(float((high - low).max()), 1e-300)))
+    return cells_at((position - (scene.bounds[0] - scene.origin)) / _side(scene))
+
+
+def _side(scene: Scene) -> float:
+    """Return the side of a cell, scene units."""
+    return max(float(np.ptp(scene.bounds, axis=0).max()) / CELLS, 1e-300)
 
 
 def _within(
-    world: _Rays, position: Doubles, normal: Doubles, cells: NDArray[np.intp], lit: Doubles, width: float
+    world: TriangleRays, position: Doubles, normal: Doubles, cells: NDArray[np.intp], lit: Doubles, width: float
 ) -> Flags:
     """Return which places on surfaces lie in a gap, of those in cells where paths met surfaces in one."""
     there = np.zeros(CELLS**3, np.bool_)
@@ -203,7 +189,7 @@ def _received(scene: Scene, surfels: Surfels, cells: NDArray[np.intp], within: F
     keys, to = np.unique(to, return_inverse=True)
     there = np.zeros(CELLS**3, np.bool_)
     there[keys // 6] = True
-    parts = np.flatnonzero(there[cells] & ~within)
+    parts = np.flatnonzero(there[cells] & ~within & (surfels.part_area > LEAST_AREA * _side(scene) ** 2))
     own = cells[parts] * 6 + facing_axis(surfels.part_normal[parts])
     slot = np.minimum(np.searchsorted(keys, own), len(keys) - 1)
     parts, slot = parts[keys[slot] == own], slot[keys[slot] == own]
@@ -240,7 +226,7 @@ class _Gone(NamedTuple):
         return _Gone(*chosen)
 
 
-def _lights(world: _Rays, paths: _Gone, width: float, random: np.random.Generator) -> Vpls:
+def _lights(world: TriangleRays, paths: _Gone, width: float, random: np.random.Generator) -> Vpls:
     """Return lights at openings, of which as much goes far as along paths: each stands for neighbours."""
     bright = paths.flux @ LUMINANCE
     if not bright.any():
@@ -266,7 +252,7 @@ def _lights(world: _Rays, paths: _Gone, width: float, random: np.random.Generato
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
     many = np.repeat(normal, TRIES, axis=0)
     start = np.repeat(places[:: PARTS // SPREAD], TRIES // SPREAD, axis=0)
-    _, end, _ = world.met(start, _scattered(many, random))
+    _, end, _ = world.met(start, scattered(many, random.random((2, len(many))).T))
     share = np.maximum((np.linalg.norm(end - start, axis=1) > NEAR * width).reshape(-1, TRIES).mean(axis=1), LEAST_FAR)
     area = np.full(count, (2.0 * NEAR * width) ** 2)
     origin, each = world.scene.origin, np.repeat(share, PARTS)[:, None]
@@ -274,69 +260,21 @@ def _lights(world: _Rays, paths: _Gone, width: float, random: np.random.Generato
     return Vpls(at + origin, normal, flux / share[:, None], area, few)
 
 
-class _Rays:
-    """Rays against the triangles of a scene from places relative to its origin."""
+def _left(world: TriangleRays, paths: _Gone, width: float, is_lit: Callable[[Doubles], Flags]) -> _Gone:
+    """Return the paths that came out of a gap, their positions where they did.
 
-    def __init__(self, runtime: Runtime, scene: Scene) -> None:
-        self.runtime, self.scene = runtime, scene
-        self.diagonal = diagonal_of(scene)
-        self.lift = LIFT * self.diagonal
-        self._bvh = scene_bvh(scene, runtime)
-        self._ways = runtime.array(AHEAD)
-
-    def met(self, position: Doubles, way: Doubles) -> tuple[NDArray[np.int32], Doubles, Doubles]:
-        """Return the triangles that rays meet first, -1 for none, where, and their normals on that side."""
-        reach = REACH * self.diagonal
-        out: dict[str, type] = {"met": np.int32, "where": np.float32}
-        met, where = self._run("radiosity/radiosity_met.cl", position, way, out, reach=reach)
-        return met, position + way * (where[:, None] * reach), _facing(self.scene, met, way)
-
-    def start(self, position: Doubles, normal: Doubles, way: Doubles) -> Doubles:
-        """Return places a little along ways from surfaces; lifted ones would narrow what is in front."""
-        cosine = np.einsum("nc,nc->n", normal, way)[:, None]
-        begun: Doubles = position + way * (self.lift / np.maximum(cosine, LEAST_COSINE))
-        return begun
-
-    def blocked(self, position: Doubles, normal: Doubles, reach: float, lift: float | None = None) -> Flags:
-        """Return whether a triangle is in front of places, by default of surfaces, within a reach."""
-        above = self.lift if lift is None else lift
-        more = {"ways": self._ways, "rays": 1, "lift": above, "reach": reach}
-        (far,) = self._run("radiosity/radiosity_room.cl", position, normal, {"far": np.float32}, **more)
-        blocked: Flags = far == 0.0
-        return blocked
-
-    def left(self, paths: _Gone, width: float, is_lit: Callable[[Doubles], Flags]) -> _Gone:
-        """Return the paths that came out of a gap, their positions where they did.
-
-        That is where nothing is as near to both sides. Where nothing was in front of a surface itself, it is in air.
-        """
-        start = self.start(paths.position, paths.normal, paths.way)
-        length = np.linalg.norm(paths.end - start, axis=1)
-        along = np.minimum(STEPS * width, 0.99 * length[:, None])
-        places = start[:, None] + along[..., None] * paths.way[:, None]
-        outside = np.zeros(along.shape, np.bool_)
-        gap = self.blocked(paths.position, paths.normal, width)
-        outside[~gap] = is_lit(places[~gap].reshape(-1, 3) + self.scene.origin).reshape(-1, len(STEPS))
-        flat, sides = places[gap].reshape(-1, 3), np.repeat(paths.normal[gap], len(STEPS), axis=0)
-        held = self.blocked(np.concatenate([flat, flat]), np.concatenate([sides, -sides]), width, 0.0)
-        outside[gap] = ~held.reshape(2, -1, len(STEPS)).all(axis=0)
-        leaves: Flags = np.any(outside, axis=1)
-        exits = places[np.arange(len(outside)), outside.argmax(axis=1)]
-        return paths._replace(position=exits).chosen(leaves)
-
-    def _run(self, name: str, position: Doubles, way: Doubles, out: dict[str, type], **more: Any) -> list[Any]:
-        count = len(position)
-        stride = max(-(-count // ROW) * ROW, ROW)
-        rows = np.zeros((9, stride), np.float32)
-        rows[5] = 1.0
-        rows[:3, :count], rows[3:6, :count] = position.T, way.T
-        arrays: dict[str, Any] = {key: self.runtime.empty(stride, kind) for key, kind in out.items()}
-        self.runtime.kernel(name).run(
-            (1, stride),
-            points=self.runtime.array(rows),
-            nodes=self._bvh.nodes,
-            triangles=self._bvh.triangles,
-            **arrays,
-            **more,
-        )
-        return [array.download()[:count] for array in arrays.values()]
+    That is where nothing is as near to both sides. Where nothing was in front of a surface itself, it is in air.
+    """
+    start = world.start(paths.position, paths.normal, paths.way)
+    length = np.linalg.norm(paths.end - start, axis=1)
+    along = np.minimum(STEPS * width, 0.99 * length[:, None])
+    places = start[:, None] + along[..., None] * paths.way[:, None]
+    outside = np.zeros(along.shape, np.bool_)
+    gap = world.blocked(paths.position, paths.normal, width)
+    outside[~gap] = is_lit(places[~gap].reshape(-1, 3) + world.scene.origin).reshape(-1, len(STEPS))
+    flat, sides = places[gap].reshape(-1, 3), np.repeat(paths.normal[gap], len(STEPS), axis=0)
+    held = world.blocked(np.concatenate([flat, flat]), np.concatenate([sides, -sides]), width, 0.0)
+    outside[gap] = ~held.reshape(2, -1, len(STEPS)).all(axis=0)
+    leaves: Flags = np.any(outside, axis=1)
+    exits = places[np.arange(len(outside)), outside.argmax(axis=1)]
+    return paths._replace(position=exits).chosen(leaves)

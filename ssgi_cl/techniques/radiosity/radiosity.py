@@ -30,7 +30,7 @@ from ssgi_cl.techniques.radiosity.surface_cells import Pieces, SurfaceCells
 from ssgi_cl.techniques.radiosity.surfel_history import STEADY_LIGHTS, SurfelHistory
 from ssgi_cl.techniques.radiosity.surfel_rays import SurfelPoints, SurfelRays, hiding_planes, open_shares, seen_parts
 from ssgi_cl.techniques.radiosity.surfels import Surfels
-from ssgi_cl.techniques.radiosity.surfels_on_device import DeviceSurfels
+from ssgi_cl.techniques.radiosity.surfels_on_device import DeviceSurfels, Spaces
 from ssgi_cl.techniques.sky_levels import SkyLevels
 from ssgi_cl.techniques.technique import Bench, Technique
 from ssgi_cl.techniques.vpl.packed_vpls import DeviceVpls, VplChooser
@@ -47,7 +47,8 @@ OPEN_CELLS = 4.0
 """Cells of the volume beyond which the open part of its hemisphere says how much a place counts for its cell."""
 GAP = 0.1
 """Part of its hemisphere open to beyond so many cells below which a place lies in a gap, and sends no light as a
-virtual point light: a ray to the middle of its surfel does not tell what hides it."""
+virtual point light: a ray to the middle of its surfel does not tell what hides it. Nor does one to a surfel without
+room in front of it."""
 CONVERGED = 2e-3
 """Share of the flux that the bounces not computed have at most."""
 MOST_BOUNCES = 2000
@@ -60,8 +61,9 @@ CERTAIN = 0.97
 """Ratio from which on that bounce tells too little of the rest: light may not yet have come to where it leaves."""
 ROUNDED = 1e-5
 """Share of the flux below which a change is rounding, and gives no ratio."""
-SETTLED = 50
-"""Bounces after which the ratio of one to the one before is that of all later ones."""
+SETTLED, STEADY = 50, 10
+"""Bounces after which the ratio of one to the one before is that of all later ones, and over how many of these it is
+found then."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -163,7 +165,7 @@ class Radiosity(Prepared[RadiosityParams]):
         self._scene: object = None
         self._key: object = None  # of the scene
         self._history = SurfelHistory()
-        self._dark: frozenset[int] | None = None
+        self._spaces: Spaces | None = None
         self._lit: object = None
         self._result: RadiosityLight | None = None
         self.irradiance: Doubles = np.zeros((0, 3))
@@ -207,34 +209,34 @@ class Radiosity(Prepared[RadiosityParams]):
         self._lit = self._result = None
         device = self._device
         if self._scene != (scene.key, history):
-            self._scene = self._dark = None
-            self._history = history or SurfelHistory()
+            self._scene = self._spaces = None
+            self._history = history or SurfelHistory(follows=False)
             device.enter(scene, self._history)
             self._scene, self._key = (scene.key, history), scene.key
         records = None
         if rsms:
             self._chooser.place(rsms, device.camera, kinds=1, unit=device.unit)
             records = self._maps.records()
-        dark = device.dark(records, sky=any(map(shines, environments)))
-        if self._dark != dark:
-            if history is None and self._dark is not None:  # light enters other spaces, and surfels are placed anew
-                self._history = SurfelHistory()
+        spaces = device.spaces(records, punctual, sky=any(map(shines, environments)))
+        if self._spaces != spaces:
+            if history is None and self._spaces is not None:  # light enters other spaces, and surfels are placed anew
+                self._history = SurfelHistory(follows=False)
                 self._history.enter(scene)
-            self._dark = None
-            self._place(scene, dark, records)
-            self._dark = dark
+            self._spaces = None
+            self._place(scene, spaces, records)
+            self._spaces = spaces
         self._result = self._solved(environments, punctual, records)
         self._lit = lit
         return self._result
 
-    def _place(self, scene: Scene, dark: frozenset[int], records: Floats | None) -> None:
+    def _place(self, scene: Scene, spaces: Spaces, records: Floats | None) -> None:
         """Make the surfels of a scene, the cells that they lie in, and what their rays meet."""
         device, exact = self._device, rays_meet_triangles(scene)
-        device.fill(scene, self.params.surfels * (BY_RAYS if exact else 1), dark, self._history)
+        device.fill(scene, self.params.surfels * (BY_RAYS if exact else 1), spaces, self._history)
         low, extent = device.camera.position - device.half, 2.0 * device.half
         found = None
         if exact and len(device.surfels):
-            lit = partial(device.is_lit, dark=dark)
+            lit = partial(device.is_lit, dark=spaces.dark)
             found = openings(self.runtime, scene, device.surfels, device.narrow, device.room, lit)
             if found is not None:
                 # What is in gaps sends its light at their openings.
@@ -242,7 +244,7 @@ class Radiosity(Prepared[RadiosityParams]):
                 albedo[found.within] = 0.0
                 device.surfels = replace(device.surfels, part_albedo=albedo)
         surfels = device.surfels
-        pieces = _parts(surfels) if len(surfels) or records is None else self._of_maps(records)[0]
+        pieces = Pieces.of(surfels) if len(surfels) or records is None else self._of_maps(records)[0]
         self._lights = found.lights if found is not None and len(found.lights) else None
         self._first_by_rays = rays_carry_first_bounce(scene)
         self._rays = points = shown = planes = seen = None
@@ -252,11 +254,10 @@ class Radiosity(Prepared[RadiosityParams]):
             seen = seen_parts(points)
             if found is not None:
                 shown[found.within] = 0.0
-        unlit = _parts(device.unlit)
-        self._cells = cache(lambda: SurfaceCells(pieces, low, extent, unlit, shown, planes, seen))
+        self._cells = cache(lambda: SurfaceCells(pieces, low, extent, device.unlit, shown, planes, seen))
         self._hidden = np.zeros(len(surfels.part_area), np.bool_)
         if points is not None and shown is not None:
-            self._hidden = shown < GAP
+            self._hidden = (shown < GAP) | np.repeat(device.cramped, PARTS)
             self._rays = SurfelRays(points, self._cells())
 
     def _solved(
@@ -367,6 +368,7 @@ class Radiosity(Prepared[RadiosityParams]):
         wanted = self.params.bounces
         before = np.zeros(weight.shape) if known is None else known
         change, ratio, leapt = np.full(3, math.inf), np.zeros(3), np.zeros(3, np.bool_)
+        steps: list[Doubles] = []
         for number in range(1, (MOST_BOUNCES if wanted == "all" else int(wanted)) + 1):
             received = bounce(number, before)
             self.bounces = number
@@ -376,6 +378,10 @@ class Radiosity(Prepared[RadiosityParams]):
             # What is left of an error after the leap falls faster than the series does.
             ratio = np.where(leapt & (number < SETTLED), np.maximum(now, ratio), now)
             before, change = received, latest
+            steps.append(latest)
+            if number >= SETTLED:
+                earlier = np.maximum(steps[-1 - STEADY], ROUNDED * total)
+                ratio = np.where(latest > ROUNDED * total, (latest / earlier) ** (1.0 / STEADY), ratio)
             if number < 3:
                 continue
             # The bounces to come are a geometric series of this ratio, in each channel.
@@ -393,10 +399,6 @@ class Radiosity(Prepared[RadiosityParams]):
                 before = np.where(leapt, np.maximum(received + rest * step, 0.0), received)
                 change = np.where(leapt, math.inf, change)
         return before
-
-
-def _parts(surfels: Surfels) -> Pieces:
-    return Pieces(surfels.part_position + surfels.origin, surfels.part_normal, surfels.part_area)
 
 
 def _without(vpls: Vpls, hidden: NDArray[np.bool_]) -> Vpls:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.techniques.radiosity.light_volume import CELLS, FACES, LightVolume, cells_at
+from ssgi_cl.techniques.radiosity.surfels import Surfels
 
 Doubles = NDArray[np.float64]
 
@@ -64,6 +65,11 @@ class Pieces:
     position: Doubles
     normal: Doubles
     area: Doubles
+
+    @classmethod
+    def of(cls, surfels: Surfels) -> Pieces:
+        """Return the parts of surfels."""
+        return cls(surfels.part_position + surfels.origin, surfels.part_normal, surfels.part_area)
 
     @classmethod
     def none(cls) -> Pieces:
@@ -279,13 +285,14 @@ class _RecordGrid:
 
         Args:
             known: [records] which have something to lend, one or more.
-            has: [records] those that are not known and have something of their own borrow within `NEAR` alone.
+            has: [records] those that are not known and have something of their own, or a cell beside them has, borrow
+                within `NEAR` alone.
         """
         there = np.zeros(CELLS**3, np.bool_)
         there[self.place[known]] = True
         nearest = _nearest(there, self._box)
         far = ((self._middle[:, ::-1].T - 0.5 - nearest[:, self.place]) ** 2).sum(axis=0) > NEAR**2
-        given = np.flatnonzero(~known & ~(has & far))
+        given = np.flatnonzero(~known & ~(far & self._near_those(has, far & ~known)))
         cell = self._numbers_of(nearest[:, cells_at(self._aside[given])])
         found = self.resolved(cell, self._aside[given])
         # Of a plane's sides one may have none.
@@ -301,6 +308,18 @@ class _RecordGrid:
             found[empty[at]] = other
             empty = np.delete(empty, at)
         return given, found
+
+    def _near_those(self, has: NDArray[np.bool_], asked: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return [records] which of those that are asked for have something in their cell or one beside it."""
+        there = np.zeros(CELLS**3, np.bool_)
+        there[self.place[has]] = True
+        found = has.copy()
+        left = np.flatnonzero(asked & ~has) if has.any() else np.zeros(0, np.intp)
+        for step in _AROUND:
+            beside = there[cells_at(self._middle[left] + step)]
+            found[left[beside]] = True
+            left = left[~beside]
+        return found
 
     def _numbers_of(self, place: NDArray[np.int32]) -> NDArray[np.int32]:
         """Return what the cells at [3, n] z, y and x have."""

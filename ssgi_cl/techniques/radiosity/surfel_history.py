@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.scene import Scene
+from ssgi_cl.core.vpls import PARTS
 from ssgi_cl.techniques.radiosity.surfels import Surfels
 from ssgi_cl.techniques.vpl.kept_order import KeptOrder
 
@@ -31,7 +32,11 @@ class SurfelHistory:
     So do the cube of the light volume, and the numbers by which parts have their rays. Light begins with that of the
     frame before, which takes few bounces to correct.
 
+    Args:
+        follows: whether scenes may follow in which parts have moved; surfels where no light comes to are left out else.
+
     Attributes:
+        follows: as given.
         surfels: those placed, before any was left out; None before the first frame.
         received: [numbers, 3] float64 irradiance of the frame before by part's number, W/m^2; None: nothing is known.
         middle, half: of the cube round the scene, world space and scene units.
@@ -40,7 +45,8 @@ class SurfelHistory:
         moves: whether surfels have followed a scene.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, follows: bool = True) -> None:
+        self.follows = follows
         self.order = KeptOrder()
         self.sky: Doubles | None = None
         self.moves = False
@@ -60,7 +66,7 @@ class SurfelHistory:
         """
         first = np.concatenate([there, np.setdiff1d(np.arange(len(surfels)), there)])
         number = np.empty(len(surfels.part_area), np.intp)
-        number[surfels.chosen(first).part_number] = np.arange(len(number))
+        number[surfels.part_number.reshape(-1, PARTS)[first].ravel()] = np.arange(len(number))
         self._scene, self._there, self._chosen, self.received = scene, len(there), there, None
         self.surfels, self.moves = surfels.renumbered(number), False
         self.order.forget()

@@ -23,6 +23,7 @@ from ssgi_cl.techniques.occupancy.scene_rays import LIFT
 from ssgi_cl.techniques.radiosity.light_volume import LightVolume, device_volume
 from ssgi_cl.techniques.radiosity.surface_cells import Planes, SurfaceCells
 from ssgi_cl.techniques.radiosity.surfels import Surfels
+from ssgi_cl.techniques.radiosity.triangle_rays import REACH, ROW, diagonal_of
 from ssgi_cl.techniques.sky_levels import SkyLevels
 
 Doubles = NDArray[np.float64]
@@ -31,18 +32,8 @@ RAYS = 16
 """Of a part over the hemisphere: 256 of a surfel, one in each of as many strata."""
 PLACES = 4
 """Of emissive surfaces that a part looks at."""
-REACH = 1.01
-"""Length of rays, in diagonals of the scene's box."""
 NO_CONE = -2.0
 """Cosine that every direction exceeds."""
-ROW = 64
-"""Points in whose multiples rows lie."""
-AHEAD = np.repeat(np.array([0.0, 0.0, 1.0], np.float32), TILE * TILE).reshape(1, 3, TILE * TILE)
-"""One ray along the normal, in the form of `hemisphere_ways`."""
-
-
-def diagonal_of(scene: Scene) -> float:
-    return max(float(np.linalg.norm(np.ptp(scene.bounds, axis=0))), 1e-30)
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.sampling import r_points
-from ssgi_cl.core.scene import Scene, mean_emission, wrapped
-from ssgi_cl.core.srgb import BYTES
+from ssgi_cl.core.scene import Scene, mean_emission
 from ssgi_cl.core.vpls import PARTS
+from ssgi_cl.techniques.radiosity.surface_points import SurfacePoints, places_of, surface_points, triangle_cross
 
 Doubles = NDArray[np.float64]
 
@@ -104,6 +104,12 @@ class Surfels:
             rows = _by_surfel(getattr(self, name))[order]
             of_parts[name] = rows.reshape(-1, *rows.shape[2:])
         return Surfels(origin=self.origin, **own, **of_parts)
+
+    def with_more(self, others: Surfels) -> Surfels:
+        """Return these and others of the same scene after them."""
+        names = (*_OWN, *_OF_PARTS)
+        joined = {name: np.concatenate([getattr(self, name), getattr(others, name)]) for name in names}
+        return Surfels(origin=self.origin, **joined)
 
     def numbered(self) -> Surfels:
         """Return the surfels with their parts numbered in their order."""
@@ -197,16 +203,6 @@ class TriangleShares:
         return cls(np.cumsum(density * area), area, density, emits)
 
 
-def triangle_cross(
-    scene: Scene, chosen: slice | NDArray[np.intp] | NDArray[np.int32]
-) -> tuple[Doubles, Doubles, Doubles]:
-    """Return x, y and z of the normals of triangles, as long as twice their areas."""
-    x, y, z = scene.positions.T.astype(np.float64)[:, scene.triangles[chosen].T]
-    ux, uy, uz = x[1] - x[0], y[1] - y[0], z[1] - z[0]
-    vx, vy, vz = x[2] - x[0], y[2] - y[0], z[2] - z[0]
-    return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-
-
 def scene_surfels(scene: Scene, count: int, shares: TriangleShares | None = None) -> Surfels:
     """Return surfels on both sides of all triangles that have both, of equal area but where surfaces emit.
 
@@ -224,84 +220,123 @@ def scene_surfels(scene: Scene, count: int, shares: TriangleShares | None = None
         if none has an area.
     """
     shares = shares or TriangleShares.of(scene)
-    backs = float(shares.area[~scene.culled_backs].sum()) / max(float(shares.area.sum()), 1e-300)
-    *points, double = _points(scene, PARTS * max(int(count / (1.0 + backs)), 1), shares)
-    if not len(points[2]):
+    points, area = _points(scene, PARTS * max(int(count / (1.0 + _backs(scene, shares))), 1), shares)
+    if not len(area):
         return Surfels.none(np.asarray(scene.origin))
     low, high = scene.bounds - scene.origin
-    kind = facing_axis(points[1]) + 6 * points[4].any(axis=1) + 12 * ~double
-    key = kind * np.int64(1 << 3 * CURVE_BITS) + curve_numbers(points[0], low, high)
-    order = np.argsort(key, kind="stable")
-    first, kinds = _surfels(np.asarray(scene.origin), points, order, key >> 3 * CURVE_BITS)
+    kind = facing_axis(points.normal) + 6 * points.emission.any(axis=1) + 12 * scene.culled_backs[points.triangle]
+    index, real = _narrow(points.position, area, *_in_order(_along(points.position, low, high, kind), kind))
+    first, kinds = _surfels(np.asarray(scene.origin), points, area, index, real), kind[index[:, 0]]
     both = first.chosen(np.flatnonzero(kinds < 12))
     other = replace(both, normal=-both.normal, part_normal=-both.part_normal)
-    names = (*_OWN, *_OF_PARTS)
-    joined = {name: np.concatenate([getattr(first, name), getattr(other, name)]) for name in names}
-    whole = Surfels(origin=first.origin, **joined)
+    whole = first.with_more(other)
     # Neighbours come together, whichever side of their triangles they are on.
-    places = curve_numbers(whole.position, low, high)
-    key = facing_axis(whole.normal) * np.int64(1 << 3 * CURVE_BITS) + places
-    return whole.chosen(np.argsort(key, kind="stable")).numbered()
+    return whole.chosen(_along(whole.position, low, high, facing_axis(whole.normal))).numbered()
 
 
-def _points(scene: Scene, count: int, shares: TriangleShares) -> tuple[Any, ...]:
-    """Return position, normal, area, albedo and emission of points on the front of the triangles, which triangle that
-    is, weights of its vertices, and whether it has a back."""
+class LitSurfels(NamedTuple):
+    """Surfels, each of points that light reaches or of others.
+
+    Attributes:
+        surfels: of both kinds.
+        lit: [count] which it reaches.
+        unlit_position, unlit_normal, unlit_area: [n, 3], [n, 3] and [n] of all points that it does not reach.
+    """
+
+    surfels: Surfels
+    lit: NDArray[np.bool_]
+    unlit_position: Doubles
+    unlit_normal: Doubles
+    unlit_area: Doubles
+
+
+def lit_surfels(
+    scene: Scene,
+    count: int,
+    reached: Callable[[Doubles, Doubles, NDArray[np.intp]], NDArray[np.bool_]],
+    shares: TriangleShares,
+    *,
+    others: bool,
+) -> LitSurfels:
+    """Return surfels as of `scene_surfels` that light reaches.
+
+    Args:
+        scene, count, shares: see `scene_surfels`.
+        reached: returns whether light reaches points, of positions, normals and numbers; those that emit count as if
+            it did.
+        others: whether to return surfels that light does not reach, too.
+    """
+    triangle, weights, area = _drawn(scene, PARTS * max(int(count / (1.0 + _backs(scene, shares))), 1), shares)
+    origin = np.asarray(scene.origin)
+    if not len(area):
+        none = np.zeros((0, 3))
+        return LitSurfels(Surfels.none(origin), np.zeros(0, np.bool_), none, none, np.zeros(0))
+    number = np.concatenate([np.arange(len(area)), np.flatnonzero(~scene.culled_backs[triangle])])
+    side = np.where(np.arange(len(number)) < len(area), 1.0, -1.0)
+    triangle, weights, area = triangle[number], weights[number], area[number]
+    position, normal = places_of(scene, triangle, weights)
+    normal = side[:, None] * normal
+    lit = shares.emits[triangle] | reached(position, normal, np.arange(len(area)))
+    unlit = np.flatnonzero(~lit)
+    black = position[unlit] + origin, normal[unlit], area[unlit]
+    left = np.arange(len(area)) if others else np.flatnonzero(lit)
+    if not len(left):
+        return LitSurfels(Surfels.none(origin), np.zeros(0, np.bool_), *black)
+    points, _ = surface_points(scene, triangle[left], weights[left])
+    points = points._replace(normal=side[left, None] * points.normal)
+    area, lit = area[left], lit[left]
+    kind = facing_axis(points.normal) + 6 * points.emission.any(axis=1) + 12 * ~lit
+    low, high = scene.bounds - scene.origin
+    index, real = _narrow(points.position, area, *_in_order(_along(points.position, low, high, kind), kind))
+    found = _surfels(origin, points, area, index, real)
+    order = _along(found.position, low, high, facing_axis(found.normal))
+    return LitSurfels(found.chosen(order).numbered(), kind[index[order, 0]] < 12, *black)
+
+
+def _backs(scene: Scene, shares: TriangleShares) -> float:
+    """Return which part of the area of a scene's triangles has a back, too."""
+    return float(shares.area[~scene.culled_backs].sum()) / max(float(shares.area.sum()), 1e-300)
+
+
+def surfels_of(scene: Scene, points: SurfacePoints, areas: Doubles) -> Surfels:
+    """Return surfels of points of areas [n] > 0 on their sides: of `PARTS` neighbours that face alike, each, however
+    far apart."""
+    if not len(areas):
+        return Surfels.none(np.asarray(scene.origin))
+    kind = facing_axis(points.normal)
+    low, high = scene.bounds - scene.origin
+    index, real = _in_order(_along(points.position, low, high, kind), kind)
+    return _surfels(np.asarray(scene.origin), points, areas, index, real).numbered()
+
+
+def _along(positions: Doubles, low: Doubles, high: Doubles, kind: NDArray[np.int64]) -> NDArray[np.intp]:
+    """Return the order of points by kind and along a curve."""
+    return np.argsort(kind * np.int64(1 << 3 * CURVE_BITS) + curve_numbers(positions, low, high), kind="stable")
+
+
+def _points(scene: Scene, count: int, shares: TriangleShares) -> tuple[SurfacePoints, Doubles]:
+    """Return points on the triangles that lie in no hole, and the area of each."""
+    triangle, weights, area = _drawn(scene, count, shares)
+    points, solid = surface_points(scene, triangle, weights)
+    return points.chosen(solid), area[solid]
+
+
+def _drawn(scene: Scene, count: int, shares: TriangleShares) -> tuple[NDArray[np.intp], Doubles, Doubles]:
+    """Return of points their triangles, the weights of the vertices in their positions, and areas."""
     ends = shares.ends
     total = float(ends[-1])
     if not total > 0.0:
-        none = np.zeros((0, 3))
-        return none, none, np.zeros(0), none, none, np.zeros(0, np.intp), none, np.zeros(0, np.bool_)
+        return np.zeros(0, np.intp), np.zeros((0, 3)), np.zeros(0)
     wanted = (np.arange(count) + 0.5) * (total / count)
     triangle = np.minimum(np.searchsorted(ends, wanted, "right"), len(ends) - 1)
     u, v = r_points(0, count, 2).T
     over = u + v > 1.0
     u, v = np.where(over, 1.0 - u, u), np.where(over, 1.0 - v, v)
-    weights = np.stack([1.0 - u - v, u, v], axis=1)
-    corners = scene.triangles[triangle]
-
-    def mixed(values: NDArray[np.float32]) -> Doubles:
-        result: Doubles = np.einsum("nk,nkc->nc", weights, values[corners].astype(np.float64))
-        return result
-
-    ids = scene.material_ids[triangle]
-    albedo = np.array([m.albedo for m in scene.materials])[ids] * np.clip(mixed(scene.colors), 0.0, None)
-    emission = np.array([m.emission for m in scene.materials])[ids]
-    there = np.ones(count, np.bool_)
-    uvs = mixed(scene.uvs)
-    for index in np.unique(ids):
-        material, own = scene.materials[index], ids == index
-        if material.texture >= 0:
-            texels = _nearest(scene, material.texture, uvs[own])
-            albedo[own] *= BYTES[texels[:, :3]]
-            if material.has_holes:
-                there[own] = texels[:, 3] / 255.0 * material.alpha >= material.alpha_cutoff
-        if material.emits and material.emission_texture >= 0:
-            emission[own] *= BYTES[_nearest(scene, material.emission_texture, uvs[own])[:, :3]]
-    # What lobes reflect goes every way.
-    albedo += np.array([m.spread for m in scene.materials])[ids]
-    cross = np.stack(triangle_cross(scene, triangle), axis=1)
-    double = np.sqrt(np.einsum("nc,nc->n", cross, cross))
     area = total / count / shares.density[triangle]
     for kind in (False, True):  # triangles get whole points: what that loses or adds, all share
         own = shares.emits[triangle] == kind
         area[own] *= shares.area[shares.emits == kind].sum() / max(float(area[own].sum()), 1e-300)
-    values = (
-        mixed(scene.positions), cross / np.maximum(double, 1e-300)[:, None],
-        area, np.clip(albedo, 0.0, 1.0), emission, triangle, weights, ~scene.culled_backs[triangle],
-    )  # fmt: skip
-    return tuple(value[there] for value in values)
-
-
-def _nearest(scene: Scene, texture: int, uvs: Doubles) -> NDArray[np.uint8]:
-    """Return [n, 4] the texels of a texture at [n, 2] coordinates, v = 0 at the bottom."""
-    texels = scene.textures[texture]
-    across, down = (wrapped(uvs[:, i], kind) for i, kind in enumerate(scene.wraps[texture]))
-    rows, columns = texels.shape[:2]
-    column = np.minimum((across * columns).astype(np.intp), columns - 1)
-    row = np.minimum(((1.0 - down) * rows).astype(np.intp), rows - 1)
-    found: NDArray[np.uint8] = texels[row, column]
-    return found
+    return triangle, np.stack([1.0 - u - v, u, v], axis=1), area
 
 
 def facing_axis(normal: Doubles) -> NDArray[np.int64]:
@@ -346,7 +381,7 @@ def curve_numbers(points: Doubles, low: Doubles, high: Doubles) -> NDArray[np.in
 
 
 def _narrow(
-    points: Sequence[Doubles], index: NDArray[np.intp], real: NDArray[np.bool_]
+    positions: Doubles, areas: Doubles, index: NDArray[np.intp], real: NDArray[np.bool_]
 ) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
     """Return surfels [n, PARTS] of points, and which of these count, with those wider than `WIDEST` cut in two.
 
@@ -355,11 +390,11 @@ def _narrow(
     done: list[tuple[NDArray[np.intp], NDArray[np.bool_], NDArray[np.intp]]] = []
     number = np.arange(len(index))
     while len(index):
-        position = points[0][index]
+        position = positions[index]
         low = np.where(real[..., None], position, np.inf).min(axis=1)
         high = np.where(real[..., None], position, -np.inf).max(axis=1)
         squared = np.sum((high - low) ** 2, axis=1)
-        wide = squared > WIDEST**2 * np.sum(points[2][index] * real, axis=1)
+        wide = squared > WIDEST**2 * np.sum(areas[index] * real, axis=1)
         done.append((index[~wide], real[~wide], number[~wide]))
         axis = np.argmax(high - low, axis=1)[wide, None]
         index, real, number = index[wide], real[wide], np.repeat(number[wide], 2)
@@ -378,11 +413,10 @@ def _narrow(
     return np.concatenate([own for own, _, _ in done])[order], np.concatenate([own for _, own, _ in done])[order]
 
 
-def _surfels(
-    origin: Doubles, points: Sequence[Doubles], order: NDArray[np.intp], kind: NDArray[np.int64]
-) -> tuple[Surfels, NDArray[np.int64]]:
-    """Return surfels of each `PARTS` consecutive points, and their kinds; those of different kinds do not mix."""
-    counts = np.bincount(kind, minlength=24)
+def _in_order(order: NDArray[np.intp], kind: NDArray[np.int64]) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+    """Return surfels [n, PARTS] of consecutive points of an order by kind, and which of these count: none is of two
+    kinds."""
+    counts = np.bincount(kind, minlength=1)
     firsts = np.cumsum(counts) - counts
     index, real = [], []
     for first, own in zip(firsts, counts, strict=True):
@@ -390,22 +424,26 @@ def _surfels(
         number = np.arange(rounded)
         index.append(order[first + np.minimum(number, max(own - 1, 0))])
         real.append(number < own)
-    chosen, there = _narrow(points, np.concatenate(index).reshape(-1, PARTS), np.concatenate(real).reshape(-1, PARTS))
-    position, normal, area, albedo, emission, triangle, weights = (values[chosen] for values in points)
-    area = area * there
+    return np.concatenate(index).reshape(-1, PARTS), np.concatenate(real).reshape(-1, PARTS)
+
+
+def _surfels(
+    origin: Doubles, points: SurfacePoints, areas: Doubles, index: NDArray[np.intp], real: NDArray[np.bool_]
+) -> Surfels:
+    """Return surfels of points [n, PARTS], of which those that are `real` count."""
+    area = areas[index] * real
     whole = area.sum(axis=1)
 
     def mean(values: Doubles) -> Doubles:
         result: Doubles = np.einsum("np,npc->nc", area, values) / whole[:, None]
         return result
 
+    position = points.position[index]
     away = np.sum((position - mean(position)[:, None]) ** 2, axis=2)
     # A padding part is as near as the last real one, and comes behind it.
     nearest = np.argsort(away, axis=1, kind="stable")
-    position, normal, albedo, emission, weights = (
-        np.take_along_axis(values, nearest[..., None], 1) for values in (position, normal, albedo, emission, weights)
-    )
-    area, triangle = (np.take_along_axis(values, nearest, 1) for values in (area, triangle))
+    index, area = np.take_along_axis(index, nearest, 1), np.take_along_axis(area, nearest, 1)
+    position, normal, albedo, emission, triangle, weights = points.chosen(index)
     facing = mean(normal)
     length = np.sqrt(np.einsum("nc,nc->n", facing, facing))
     # Normals of one axis lie within 55 degrees of it, so that their mean does not vanish.
@@ -415,7 +453,7 @@ def _surfels(
     of_parts: dict[str, Any] = {
         name: array.reshape(-1, *array.shape[2:]) for name, array in zip(_OF_PARTS, values, strict=True)
     }
-    found = Surfels(
+    return Surfels(
         origin=origin,
         position=position[:, 0],
         normal=facing,
@@ -424,4 +462,3 @@ def _surfels(
         emission=mean(emission),
         **of_parts,
     )
-    return found, kind[chosen[:, 0]]

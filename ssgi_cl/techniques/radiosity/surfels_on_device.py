@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.camera import Camera
+from ssgi_cl.core.lights import DirectionalLight, PunctualLight
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.vpls import PARTS
 from ssgi_cl.device.arrays import DeviceArray
@@ -19,11 +21,16 @@ from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.techniques.occupancy.occupancy_grid import OccupancyGrid
 from ssgi_cl.techniques.occupancy.scene_rays import SCENE_RAYS, SceneRays, rays_meet_triangles
 from ssgi_cl.techniques.radiosity.air import Air
+from ssgi_cl.techniques.radiosity.landings import landings
+from ssgi_cl.techniques.radiosity.light_volume import CELLS
+from ssgi_cl.techniques.radiosity.lit_points import LitPoints
 from ssgi_cl.techniques.radiosity.many_lights import traced_lights
 from ssgi_cl.techniques.radiosity.sky_directions import sky_directions
 from ssgi_cl.techniques.radiosity.start_triangles import StartTriangles
+from ssgi_cl.techniques.radiosity.surface_cells import Pieces
 from ssgi_cl.techniques.radiosity.surfel_history import SurfelHistory
-from ssgi_cl.techniques.radiosity.surfels import Surfels, TriangleShares, scene_surfels
+from ssgi_cl.techniques.radiosity.surfels import Surfels, TriangleShares, lit_surfels, scene_surfels
+from ssgi_cl.techniques.radiosity.triangle_rays import TriangleRays
 from ssgi_cl.techniques.vpl.packed_vpls import DeviceVpls, power_of_two
 
 Floats = NDArray[np.float32]
@@ -40,17 +47,44 @@ LEAST_SHARE = 0.25
 PILOT_DIRECTIONS = 32
 """Directions in which a surfel of the pilot looks for any surface."""
 ROOM = 0.02
-"""Part of the pilot's surfels that a space has at least which is left out where no light enters it: lights that
-move would open and close the smaller ones, and light enters some of them through gaps that the grid closes. Without
-those FLIP of `hall` is .005 lower, but that of `veach_ajar` .04 higher (400 x 300)."""
+"""Part of the pilot's surfels that a space has at least of which what punctual lights shine on tells whether light
+enters it: lights that move would open and close the smaller ones."""
 RAYS = 1024
 """Rays to virtual point lights that a surfel traces, about."""
 OPEN = 0.9999
 """Unoccluded share of the hemisphere from which on a surfel sees no surface."""
+LEAST_LIT = 0.1
+"""Part of a surfel that light reaches, at least, after its triangles have moved."""
 MOST_ROW = 1.5
 """Factor by which form factors of what a surfel sees are raised, at most. Where less of what covers
 its hemisphere is visible, the grid is too coarse for the place, and what is visible may be seen
 through a leak."""
+
+
+class Spaces(NamedTuple):
+    """Spaces of a scene's air.
+
+    Attributes:
+        lit: those that light certainly enters.
+        dark: those of many surfaces that no light enters, by the grid.
+    """
+
+    lit: frozenset[int]
+    dark: frozenset[int]
+
+
+class _Sight(NamedTuple):
+    """What surfels see.
+
+    Attributes:
+        sees: [surfels] whether they see any surface.
+        part: [surfels] above which of their parts rays start, -1 where there is no room above any.
+        starts: [surfels, 3] where rays start, in cells.
+    """
+
+    sees: NDArray[np.bool_]
+    part: NDArray[np.int32]
+    starts: Floats
 
 
 class DeviceSurfels:
@@ -64,15 +98,19 @@ class DeviceSurfels:
         surfels: what is in device memory; `fill` sets it.
         camera: at the middle of the scene, along the world's axes: kernels count from there.
         unit: scene units of the length in which they count.
-        unlit: those left out as they face spaces that no light enters.
+        unlit: of surfaces that no light reaches.
         narrow: emissive ones left out as they have no room in front of them.
+        cramped: [surfels] which of those in device memory have none either, or are landings.
     """
 
     surfels: Surfels
-    unlit: Surfels
+    unlit: Pieces
     narrow: Surfels
+    cramped: NDArray[np.bool_]
     camera: Camera
     unit: float
+    _exact: TriangleRays | None = None  # these two of scenes without holes alone
+    _lit: LitPoints | None = None
     _visible: DeviceArray | None = None
 
     def __init__(self, runtime: Runtime, cells: int) -> None:
@@ -107,12 +145,20 @@ class DeviceSurfels:
         self._near = StartTriangles.of(self.runtime, scene, solid)
         self._shares = TriangleShares.of(scene)
         self._air = Air.of(occupancy.grid.download(), occupancy.cells)
-        pilot = scene_surfels(scene, PILOT, self._shares)
-        _, there, starts = self._seeing(pilot, solid)
-        spaces = self._air.at(starts)
+        self._exact = self._lit = None
+        if exact:
+            self._exact = TriangleRays(self.runtime, scene)
+            low = self._box[:3] * self.unit - self._shift
+            side = self.unit / float(self._box[3])
+            self._lit = LitPoints(self.runtime, scene, self._air, low.astype(np.float64), side, self.room)
+        self._pilot = pilot = scene_surfels(scene, PILOT, self._shares)
+        sight = self._look(pilot, solid)
+        there = np.flatnonzero(sight.sees & (sight.part >= 0))
+        spaces = self._air.at(sight.starts[there])
         emits = pilot.emission[there].any(axis=1)
         self._emitting = frozenset(spaces[emits].tolist())
         self._of_pilot = np.bincount(spaces, minlength=int(self._air.numbers.max()) + 1)
+        self._pilot_sees = sight.sees
 
     @property
     def room(self) -> float:
@@ -121,25 +167,35 @@ class DeviceSurfels:
 
     def is_lit(self, points: Doubles, dark: frozenset[int]) -> NDArray[np.bool_]:
         """Return which of points [n, 3] of world space lie in empty cells of spaces other than `dark`."""
-        space = self._air.at(self._in_cells((points - self.camera.position) / self.unit))
-        return (space > 0) & ~np.isin(space, list(dark))
+        lit = np.ones(len(self._of_pilot), np.bool_)
+        lit[[0, *dark]] = False
+        return lit[self._spaces_at(points)]
 
-    def dark(self, lights: Floats | None, *, sky: bool) -> frozenset[int]:
-        """Return the spaces of the scene's air that no light enters, small ones left out.
+    def spaces(self, lights: Floats | None, punctual: Sequence[PunctualLight], *, sky: bool) -> Spaces:
+        """Return which spaces of the scene's air light enters.
 
         Args:
             lights: records of those that `camera` sees, counted in `unit`: what punctual lights
                 shine on.
+            punctual: those lights, as far as they are known.
             sky: whether environments shine.
         """
+        places = np.array([light.position for light in punctual if not isinstance(light, DirectionalLight)])
+        beside = self._spaces_at(places) if len(places) else np.zeros(0, np.int32)
+        outside = sky or any(isinstance(light, DirectionalLight) for light in punctual)
+        certain = self._emitting | frozenset(beside.tolist()) | (self._air.outside if outside else frozenset())
         lit = self._emitting | (self._air.outside if sky else frozenset())
         if lights is not None:
             where = self._air.at(self._lit_points(lights))
             if np.count_nonzero(where) <= len(where) // 2:  # the grid is too coarse to tell
-                return frozenset()
+                return Spaces(frozenset(range(1, len(self._of_pilot))), frozenset())
             lit |= frozenset(np.unique(where).tolist())
-        large = np.flatnonzero(self._of_pilot >= ROOM * PILOT)
-        return frozenset(large.tolist()) - lit - {0}
+        large = frozenset(np.flatnonzero(self._of_pilot >= ROOM * PILOT).tolist())
+        return Spaces(certain | (large & lit) - {0}, large - lit - {0})
+
+    def _spaces_at(self, points: Doubles) -> NDArray[np.int32]:
+        """Return [n] the spaces that points [n, 3] of world space lie in, 0 in occupied cells."""
+        return self._air.at(self._in_cells((points - self.camera.position) / self.unit))
 
     def _lit_points(self, lights: Floats) -> Floats:
         """Return [n, 3] points above the lights that shine, in cells of the grid."""
@@ -153,58 +209,92 @@ class DeviceSurfels:
         found: NDArray[Any] = (points - self._box[:3]) * self._box[3]
         return found
 
-    def fill(self, scene: Scene, count: int, dark: frozenset[int], history: SurfelHistory) -> None:
-        """Replace the contents by about `count` surfels of the scene.
+    def fill(self, scene: Scene, count: int, spaces: Spaces, history: SurfelHistory) -> None:
+        """Replace the contents by about `count` surfels of the scene, and some where rays from these land.
 
         Args:
             scene: that `enter` took.
             count: of surfels.
-            dark: spaces that get none.
+            spaces: which of them get surfels.
             history: that `enter` took, whose surfels follow the scene.
         """
         solid = device_scene(scene, self.runtime)
+        if self._lit is not None:
+            self._lit.enter(spaces.lit, self._pilot.part_position, self._pilot.part_normal)
         moved = history.moved(scene)
         if moved is not None:
-            _, there, starts = self._seeing(moved, solid, dark)
+            lit = None if self._lit is None else self._lit_share(moved) >= LEAST_LIT
+            surfels, there, sight = self._chosen(moved, solid, spaces, lit)
             if history.suits(there):
-                if self._rays is None:
-                    return self._enter(moved.chosen(there), starts)
+                if self._exact is None:
+                    return self._enter(surfels.chosen(there), sight.starts[there])
                 # Rays start from surfaces, so that surfels that see nothing now need no room in front of them.
-                return self._enter(moved.chosen(history.joined(there)), None)
-        without = self._of_pilot[list(dark)].sum()
-        share = max((self._of_pilot.sum() - without) / PILOT, LEAST_SHARE)
-        tried, there, starts = self._seeing(scene_surfels(scene, int(count / share), self._shares), solid, dark)
-        return self._enter(history.begin(scene, tried, there), starts)
+                there = history.joined(there)
+                return self._enter(surfels.chosen(there), None, sight.part[there] < 0)
+        wanted = int(count / max(self._share(spaces), LEAST_SHARE))
+        if self._exact is None or self._lit is None:
+            tried, there, sight = self._chosen(scene_surfels(scene, wanted, self._shares), solid, spaces)
+            return self._enter(history.begin(scene, tried, there), sight.starts[there])
+        made = lit_surfels(scene, wanted, self._lit.reached, self._shares, others=history.follows)
+        own = made.surfels.chosen(np.flatnonzero(made.lit))
+        tried, there, sight = self._chosen(own, solid, spaces, np.ones(len(own), np.bool_))
+        low, side = self.camera.position - self.half, 2.0 * self.half / CELLS
+        more = landings(self._exact, tried.chosen(there), low, side, self._lit.closed)
+        cramped = np.concatenate([sight.part[there] < 0, np.ones(len(more), np.bool_)])
+        there = np.concatenate([there, len(tried) + np.arange(len(more))])
+        self.unlit = Pieces(made.unlit_position, made.unlit_normal, made.unlit_area)
+        tried = tried.with_more(more).with_more(made.surfels.chosen(np.flatnonzero(~made.lit))).numbered()
+        return self._enter(history.begin(scene, tried, there), None, cramped)
 
-    def _enter(self, surfels: Surfels, starts: Floats | None) -> None:
-        """Take surfels, and the starts of their rays where these are known."""
+    def _share(self, spaces: Spaces) -> float:
+        """Return the part of the pilot's surfels that take part."""
+        if self._exact is None:
+            return float(self._of_pilot.sum() - self._of_pilot[list(spaces.dark)].sum()) / PILOT
+        return float((self._pilot_sees * self._lit_share(self._pilot)).sum()) / PILOT
+
+    def _lit_share(self, surfels: Surfels) -> Doubles:
+        """Return which part of surfels light reaches, by area."""
+        assert self._lit is not None  # noqa: S101  asked for of scenes without holes alone
+        lit = self._lit.reached(surfels.part_position, surfels.part_normal, surfels.part_number)
+        return surfels.mean_of_parts(lit[:, None].astype(np.float64))[:, 0]
+
+    def _enter(self, surfels: Surfels, starts: Floats | None, cramped: NDArray[np.bool_] | None = None) -> None:
+        """Take surfels, the starts of their rays where these are known, and which are cramped."""
         self.surfels = surfels
+        self.cramped = np.zeros(len(surfels), np.bool_) if cramped is None else cramped
         self._upload(surfels, starts)
         self._visible = None
 
-    def _seeing(
-        self, surfels: Surfels, solid: DeviceScene, dark: frozenset[int] = frozenset()
-    ) -> tuple[Surfels, NDArray[np.intp], Floats]:
-        """Return surfels that begin with the parts from which rays start, the numbers of those that see any surface,
-        and where the rays of these start: [n, 3] in cells.
+    def _chosen(
+        self, surfels: Surfels, solid: DeviceScene, spaces: Spaces, lit: NDArray[np.bool_] | None = None
+    ) -> tuple[Surfels, NDArray[np.intp], _Sight]:
+        """Return surfels that begin with the parts from which rays start, the numbers of those that take part, and
+        what all see.
 
-        No light reaches the others, nor leaves them. Those without room in front of them are left
-        out, too, and those that face a space in `dark`.
+        Those that see no surface do not, as no light reaches them nor leaves them, and those that no light reaches. In
+        scenes with holes these face a space that is dark, or have no room in front of them; in others `lit` says which
+        it does reach. Emissive ones without room take no part either.
         """
         if not len(surfels):
-            self.unlit = self.narrow = surfels
-            return surfels, np.zeros(0, np.intp), np.zeros((0, 3), np.float32)
+            self.unlit, self.narrow = Pieces.none(), surfels
+            none = np.zeros(0, np.intp)
+            return surfels, none, _Sight(none > 0, none.astype(np.int32), np.zeros((0, 3), np.float32))
+        sight = self._look(surfels, solid)
+        room, emits = sight.part >= 0, surfels.emission.any(axis=1)
+        self.narrow = surfels.chosen(np.flatnonzero(~room & emits))
+        sees = sight.sees & (room if lit is None else room | ~emits)
+        kept = sees & (~np.isin(self._air.at(sight.starts), list(spaces.dark)) if lit is None else lit)
+        self.unlit = Pieces.of(surfels.chosen(np.flatnonzero(sees & ~kept)))
+        return surfels.centred(np.maximum(sight.part, 0)), np.flatnonzero(kept), sight
+
+    def _look(self, surfels: Surfels, solid: DeviceScene) -> _Sight:
+        """Return what surfels see."""
         self._upload(surfels)
         part = self._find_starts(surfels, solid)
         self.look_up(*sky_directions((), PILOT_DIRECTIONS))
         opened = self._seen.download().reshape(4, -1)[3, : len(surfels)]
         starts = self._rows.download().reshape(ROWS, -1)[START_ROWS, : len(surfels)]
-        kept = (opened < OPEN) & (part >= 0)
-        self.narrow = surfels.chosen(np.flatnonzero((part < 0) & surfels.emission.any(axis=1)))
-        unlit = kept & np.isin(self._air.at(starts.T), list(dark))
-        self.unlit = surfels.chosen(np.flatnonzero(unlit))
-        kept &= ~unlit
-        return surfels.centred(np.maximum(part, 0)), np.flatnonzero(kept), starts[:, kept].T
+        return _Sight(opened < OPEN, part, starts.T)
 
     def _upload(self, surfels: Surfels, starts: Floats | None = None) -> None:
         """Upload surfels, and the starts of their rays where these are known."""

@@ -14,7 +14,8 @@ from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import make_scene
 from ssgi_cl.techniques.radiosity import radiosity as radiosity_module
-from ssgi_cl.techniques.radiosity.gaps import NEAR, Openings, openings
+from ssgi_cl.techniques.radiosity.gaps import LEAST_AREA, NEAR, Openings, openings
+from ssgi_cl.techniques.radiosity.light_volume import CELLS
 from ssgi_cl.techniques.radiosity.radiosity import Radiosity, RadiosityParams
 from ssgi_cl.techniques.radiosity.surfel_rays import Sources
 
@@ -57,7 +58,7 @@ def found(
     monkeypatch.setattr(radiosity_module, "openings", kept)
     radiosity = Radiosity(runtime, RadiosityParams(emission=False))
     radiosity.run(scene, lights)
-    return radiosity, results[-1]
+    return radiosity, results[-1] if results else None  # none is looked for where no light comes
 
 
 def left(rng: np.random.Generator) -> tuple[float, float]:
@@ -163,3 +164,14 @@ def test_lights_are_the_same_each_time(runtime: Runtime, monkeypatch: pytest.Mon
     first: Sources = one.sources
     assert first.near > NEAR * GAP
     assert np.array_equal(first.received, other.sources.received)
+
+
+def test_parts_of_next_to_no_area_take_no_light_of_paths(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
+    radiosity, gaps = found(runtime, room(), monkeypatch)
+    assert gaps is not None
+    received, area = gaps.sources.received, radiosity.surfels.part_area
+    side = 2.0 / CELLS
+    small = (area > 0.0) & (area < LEAST_AREA * side**2)
+    assert small.any()
+    assert received[~small].any()
+    assert not received[small].any()

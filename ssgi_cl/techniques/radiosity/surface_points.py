@@ -1,0 +1,111 @@
+"""Points on the triangles of a scene, with what surfels are made of."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.core.scene import Scene, wrapped
+from ssgi_cl.core.srgb import BYTES
+
+Doubles = NDArray[np.float64]
+Triangles = slice | NDArray[np.intp] | NDArray[np.int32]
+
+
+class SurfacePoints(NamedTuple):
+    """Points on the front of triangles.
+
+    Attributes:
+        position: [n, 3] scene units, relative to the scene's origin.
+        normal: [n, 3] unit vectors; 0 of a triangle without area.
+        albedo: [n, 3] in [0, 1], of all that is reflected.
+        emission: [n, 3] W m^-2 sr^-1.
+        triangle: [n] their triangles.
+        weights: [n, 3] of the vertices in their positions.
+    """
+
+    position: Doubles
+    normal: Doubles
+    albedo: Doubles
+    emission: Doubles
+    triangle: NDArray[np.intp]
+    weights: Doubles
+
+    def chosen(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> SurfacePoints:
+        """Return some."""
+        chosen: Any = (values[which] for values in self)
+        return SurfacePoints(*chosen)
+
+
+def surface_points(
+    scene: Scene, triangle: NDArray[np.intp], weights: Doubles
+) -> tuple[SurfacePoints, NDArray[np.bool_]]:
+    """Return the points of triangles [n] at weights [n, 3] of their vertices, and which lie in no hole, [n]."""
+    corners = scene.triangles[triangle]
+
+    def mixed(values: NDArray[np.float32]) -> Doubles:
+        result: Doubles = np.einsum("nk,nkc->nc", weights, values[corners].astype(np.float64))
+        return result
+
+    ids = scene.material_ids[triangle]
+    albedo = np.array([m.albedo for m in scene.materials])[ids] * np.clip(mixed(scene.colors), 0.0, None)
+    emission = np.array([m.emission for m in scene.materials])[ids]
+    solid = np.ones(len(triangle), np.bool_)
+    textured = [index for index, m in enumerate(scene.materials) if max(m.texture, m.emission_texture) >= 0]
+    uvs = mixed(scene.uvs) if textured else np.zeros((len(triangle), 2))
+    for index in textured:
+        material, own = scene.materials[index], ids == index
+        if material.texture >= 0:
+            texels = _nearest(scene, material.texture, uvs[own])
+            albedo[own] *= BYTES[texels[:, :3]]
+            if material.has_holes:
+                solid[own] = texels[:, 3] / 255.0 * material.alpha >= material.alpha_cutoff
+        if material.emits and material.emission_texture >= 0:
+            emission[own] *= BYTES[_nearest(scene, material.emission_texture, uvs[own])[:, :3]]
+    # What lobes reflect goes every way.
+    albedo += np.array([m.spread for m in scene.materials])[ids]
+    position, normal = places_of(scene, triangle, weights)
+    return SurfacePoints(position, normal, np.clip(albedo, 0.0, 1.0), emission, triangle, weights), solid
+
+
+def places_of(scene: Scene, triangle: NDArray[np.intp], weights: Doubles) -> tuple[Doubles, Doubles]:
+    """Return positions and normals of `surface_points` alone."""
+    position: Doubles = np.einsum("nk,nkc->nc", weights, scene.positions[scene.triangles[triangle]].astype(np.float64))
+    cross = np.stack(triangle_cross(scene, triangle), axis=1)
+    double = np.sqrt(np.einsum("nc,nc->n", cross, cross))
+    return position, cross / np.maximum(double, 1e-300)[:, None]
+
+
+def weights_at(scene: Scene, triangle: NDArray[np.intp], position: Doubles) -> Doubles:
+    """Return the weights [n, 3] of the vertices of triangles [n] in positions [n, 3] on them, relative to the scene's
+    origin; of the nearest place that edges allow, about, for others."""
+    a, b, c = scene.positions[scene.triangles[triangle]].astype(np.float64).transpose(1, 0, 2)
+    first, second, way = b - a, c - a, position - a
+    normal = np.cross(first, second)
+    squared = np.maximum(np.einsum("nc,nc->n", normal, normal), 1e-300)
+    of_b = np.einsum("nc,nc->n", np.cross(way, second), normal) / squared
+    of_c = np.einsum("nc,nc->n", np.cross(first, way), normal) / squared
+    weights = np.clip(np.stack([1.0 - of_b - of_c, of_b, of_c], axis=1), 0.0, 1.0)
+    found: Doubles = weights / weights.sum(axis=1, keepdims=True)
+    return found
+
+
+def triangle_cross(scene: Scene, chosen: Triangles) -> tuple[Doubles, Doubles, Doubles]:
+    """Return x, y and z of the normals of triangles, as long as twice their areas."""
+    x, y, z = scene.positions.T.astype(np.float64)[:, scene.triangles[chosen].T]
+    ux, uy, uz = x[1] - x[0], y[1] - y[0], z[1] - z[0]
+    vx, vy, vz = x[2] - x[0], y[2] - y[0], z[2] - z[0]
+    return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+
+
+def _nearest(scene: Scene, texture: int, uvs: Doubles) -> NDArray[np.uint8]:
+    """Return [n, 4] the texels of a texture at [n, 2] coordinates, v = 0 at the bottom."""
+    texels = scene.textures[texture]
+    across, down = (wrapped(uvs[:, i], kind) for i, kind in enumerate(scene.wraps[texture]))
+    rows, columns = texels.shape[:2]
+    column = np.minimum((across * columns).astype(np.intp), columns - 1)
+    row = np.minimum(((1.0 - down) * rows).astype(np.intp), rows - 1)
+    found: NDArray[np.uint8] = texels[row, column]
+    return found

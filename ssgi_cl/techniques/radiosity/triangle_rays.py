@@ -1,0 +1,110 @@
+"""Rays against the triangles of a scene, one from each of many places, for what is made once a scene."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ssgi_cl.core.hemisphere import TILE
+from ssgi_cl.core.scene import Scene
+from ssgi_cl.device.runtime import Runtime
+from ssgi_cl.rasterize.raster.scene_bvh import scene_bvh
+from ssgi_cl.techniques.occupancy.scene_rays import LIFT
+from ssgi_cl.techniques.radiosity.surface_points import triangle_cross
+
+Doubles = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+REACH = 1.01
+"""Length of rays, in diagonals of the scene's box."""
+ROW = 64
+"""Points in whose multiples rows lie."""
+AHEAD = np.repeat(np.array([0.0, 0.0, 1.0], np.float32), TILE * TILE).reshape(1, 3, TILE * TILE)
+"""One ray along the normal, in the form of `hemisphere_ways`."""
+LEAST_COSINE = 0.25
+"""Of rays that begin as high above their surfaces as others."""
+
+
+def diagonal_of(scene: Scene) -> float:
+    """Return that of a scene's box, more than 0."""
+    return max(float(np.linalg.norm(np.ptp(scene.bounds, axis=0))), 1e-30)
+
+
+def scattered(normal: Doubles, places: Doubles) -> Doubles:
+    """Return directions in proportion to the cosine about normals [n, 3], for places [n, 2] of a unit square: to a
+    point of a sphere on the surface."""
+    z, turn = 2.0 * places[:, 0] - 1.0, 2.0 * math.pi * places[:, 1]
+    ring = np.sqrt(1.0 - z * z)
+    way: Doubles = normal * (1.0 + 1e-6) + np.stack([ring * np.cos(turn), ring * np.sin(turn), z], axis=1)
+    way /= np.linalg.norm(way, axis=1, keepdims=True)
+    return way
+
+
+class TriangleRays:
+    """Rays from places relative to the scene's origin. Each call waits for the device.
+
+    Args:
+        runtime: the device.
+        scene: without holes.
+
+    Attributes:
+        runtime, scene: as given.
+        diagonal: of the scene's box, scene units.
+        lift: height above their surfaces at which rays begin.
+    """
+
+    def __init__(self, runtime: Runtime, scene: Scene) -> None:
+        self.runtime, self.scene = runtime, scene
+        self.diagonal = diagonal_of(scene)
+        self.lift = LIFT * self.diagonal
+        self._bvh = scene_bvh(scene, runtime)
+        self._ways = runtime.array(AHEAD)
+
+    def met(self, position: Doubles, way: Doubles) -> tuple[NDArray[np.int32], Doubles, Doubles]:
+        """Return the triangles that rays meet first, -1 for none, where, and their normals on that side."""
+        reach = REACH * self.diagonal
+        out: dict[str, type] = {"met": np.int32, "where": np.float32}
+        met, where = self._run("radiosity/radiosity_met.cl", position, way, out, reach=reach)
+        return met, position + way * (where[:, None] * reach), _facing(self.scene, met, way)
+
+    def start(self, position: Doubles, normal: Doubles, way: Doubles) -> Doubles:
+        """Return places a little along ways from surfaces; lifted ones would narrow what is in front."""
+        cosine = np.einsum("nc,nc->n", normal, way)[:, None]
+        begun: Doubles = position + way * (self.lift / np.maximum(cosine, LEAST_COSINE))
+        return begun
+
+    def blocked(self, position: Doubles, normal: Doubles, reach: float, lift: float | None = None) -> Flags:
+        """Return whether a triangle is in front of places, by default of surfaces, within a reach."""
+        above = self.lift if lift is None else lift
+        more = {"ways": self._ways, "rays": 1, "lift": above, "reach": reach}
+        (far,) = self._run("radiosity/radiosity_room.cl", position, normal, {"far": np.float32}, **more)
+        blocked: Flags = far == 0.0
+        return blocked
+
+    def _run(self, name: str, position: Doubles, way: Doubles, out: dict[str, type], **more: Any) -> list[Any]:
+        count = len(position)
+        stride = max(-(-count // ROW) * ROW, ROW)
+        rows = np.zeros((9, stride), np.float32)
+        rows[5] = 1.0
+        rows[:3, :count], rows[3:6, :count] = position.T, way.T
+        arrays: dict[str, Any] = {key: self.runtime.empty(stride, kind) for key, kind in out.items()}
+        self.runtime.kernel(name).run(
+            (1, stride),
+            points=self.runtime.array(rows),
+            nodes=self._bvh.nodes,
+            triangles=self._bvh.triangles,
+            **arrays,
+            **more,
+        )
+        return [array.download()[:count] for array in arrays.values()]
+
+
+def _facing(scene: Scene, triangle: NDArray[np.int32], way: Doubles) -> Doubles:
+    """Return unit normals [n, 3] of triangles on the side that rays meet."""
+    facing: Doubles = np.stack(triangle_cross(scene, triangle), axis=1)
+    facing /= np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-300)
+    facing *= -np.sign(np.einsum("nc,nc->n", facing, way))[:, None]
+    return facing

@@ -7,11 +7,9 @@
 //          a surface.
 // Reads:   points     see radiosity/points.clh
 //          numbers    [size.x] by which points have their directions
-//          ways       [GATHER_RAYS][3][GATHER_TILE^2] directions, see radiosity_rays
+//          ways       [rays][3][GATHER_TILE^2] directions, see radiosity_rays
 //          nodes, blocks, triangles  see rays/first.clh
-//          spaces     [cells by z][cells by y][cells by x] the space of the air in a cell, 0 where
-//          it
-//                     is occupied
+//          spaces     [cells^3] by z, y and x the space of the air in a cell, 0 if occupied
 //          states     [spaces] 1: light enters it, -1: none does, 0: that is not known
 // Writes:  reached    [size.x] 1 where light comes to, else 0
 // Macros:  RAYS_ONE (0, 1)

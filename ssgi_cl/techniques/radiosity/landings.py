@@ -11,7 +11,7 @@ from ssgi_cl.core.sampling import hashed
 from ssgi_cl.techniques.radiosity.light_volume import CELLS, FACES, cells_at
 from ssgi_cl.techniques.radiosity.surface_cells import BEFORE
 from ssgi_cl.techniques.radiosity.surface_points import surface_points, weights_at
-from ssgi_cl.techniques.radiosity.surfels import Surfels, surfels_of
+from ssgi_cl.techniques.radiosity.surfels import Surfels, facing_axis, surfels_of
 from ssgi_cl.techniques.radiosity.triangle_rays import TriangleRays, scattered
 
 Doubles = NDArray[np.float64]
@@ -51,8 +51,7 @@ def landings(
 
     def slots(places: Doubles, normals: Doubles) -> NDArray[np.intp]:
         cell = cells_at((places + (scene.origin - low)) / side + BEFORE * normals)
-        faced: NDArray[np.intp] = np.stack([normals, -normals], axis=-1).reshape(-1, FACES).argmax(axis=1)
-        return cell * FACES + faced
+        return cell * FACES + facing_axis(normals)
 
     known = np.zeros(CELLS**3 * FACES, np.bool_)
     known[slots(position, normal)] = True

@@ -8,12 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.hemisphere import TILE, hemisphere_ways
-from ssgi_cl.core.scene import Scene
-from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.rasterize.raster.scene_bvh import scene_bvh
-from ssgi_cl.techniques.occupancy.scene_rays import LIFT
 from ssgi_cl.techniques.radiosity.air import Air
-from ssgi_cl.techniques.radiosity.triangle_rays import REACH, ROW, diagonal_of
+from ssgi_cl.techniques.radiosity.triangle_rays import TriangleRays, point_rows
 
 Doubles = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -21,7 +17,7 @@ Flags = NDArray[np.bool_]
 BOUNCES = 4
 """Of a path from a point, at most: what is farther from light has little of it."""
 RAYS = 16
-"""Directions of a path's bounces, and places of each in the tile of points."""
+"""Directions of a bounce, for each of the places in the tile of points; a power of two."""
 FEW_POINTS, FEW_REACHED = 64, 0.02
 """Points that a space of the air is in front of, at least, and of them the share that light reaches, up to which the
 space is closed. From the insides of closed boxes less gets out, through seams of their meshes."""
@@ -36,24 +32,22 @@ class LitPoints:
     none for the grid alone.
 
     Args:
-        runtime: the device.
-        scene: without holes.
+        rays: against the triangles of a scene without holes.
         air: of its occupancy grid.
         low: [3] of the grid, its corner of least coordinates, scene units, relative to the scene's origin.
         side: of its cells, scene units.
         room: likewise, before a surface where cells are empty if nothing is in front.
 
     Attributes:
+        rays: as given.
         states: [spaces] `LIT`, `CLOSED`, or 0 where paths tell; that of no space is 0.
     """
 
-    def __init__(self, runtime: Runtime, scene: Scene, air: Air, low: Doubles, side: float, room: float) -> None:
-        self.runtime = runtime
-        self._bvh = scene_bvh(scene, runtime)
+    def __init__(self, rays: TriangleRays, air: Air, low: Doubles, side: float, room: float) -> None:
+        self.rays = rays
         self._air, self._low, self._side, self._room = air, low, side, room
-        self._diagonal = diagonal_of(scene)
-        self._spaces = runtime.array(air.numbers.ravel())
-        self._ways = runtime.array(hemisphere_ways(RAYS))
+        self._spaces = rays.runtime.array(air.numbers.ravel())
+        self._ways = rays.runtime.array(hemisphere_ways(RAYS))
         self.states = np.zeros(int(air.numbers.max(initial=0)) + 1, np.int32)
 
     def enter(self, lit: frozenset[int], position: Doubles, normal: Doubles) -> None:
@@ -84,30 +78,28 @@ class LitPoints:
             position, normal: [n, 3] of the points, relative to the scene's origin.
             numbers: [n] by which they have their paths.
         """
-        count, runtime = len(position), self.runtime
-        stride = max(-(-count // ROW) * ROW, ROW)
-        rows = np.zeros((9, stride), np.float32)
-        rows[5] = 1.0
-        rows[:3, :count], rows[3:6, :count] = position.T, normal.T
+        count, rays, runtime = len(position), self.rays, self.rays.runtime
+        rows = point_rows(position, normal)
+        stride = rows.shape[1]
         own = np.zeros(stride, np.int32)
         own[:count] = numbers % (RAYS * TILE * TILE)
         found = runtime.empty(stride, np.float32)
         cell: dict[str, Any] = {f"cell_{axis}": float(-self._low[i] / self._side) for i, axis in enumerate("xyz")}
-        runtime.kernel("radiosity/radiosity_reached.cl", self._bvh.first_macros).run(
+        runtime.kernel("radiosity/radiosity_reached.cl", rays.bvh.first_macros).run(
             (1, stride),
             points=runtime.array(rows),
             numbers=runtime.array(own),
             ways=self._ways,
-            **self._bvh.first,
+            **rays.bvh.first,
             spaces=self._spaces,
             states=runtime.array(self.states),
             reached=found,
             cells=len(self._air.numbers),
             bounces=BOUNCES,
             rays=RAYS,
-            lift=LIFT * self._diagonal,
+            lift=rays.lift,
             room=self._room,
-            reach=REACH * self._diagonal,
+            reach=rays.reach,
             per_cell=1.0 / self._side,
             **cell,
         )

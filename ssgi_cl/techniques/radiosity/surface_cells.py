@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.techniques.radiosity.light_volume import CELLS, FACES, LightVolume, cells_at
-from ssgi_cl.techniques.radiosity.surfels import Surfels
+from ssgi_cl.techniques.radiosity.surfels import Surfels, facing_axis
 
 Doubles = NDArray[np.float64]
 
@@ -187,7 +187,7 @@ class SurfaceCells:
         beside. A plane divides its cell, that which was looked at, and others round it that it cuts.
         """
         weight = pieces.area * self._shown
-        group = cell * FACES + np.stack([pieces.normal, -pieces.normal], axis=-1).reshape(-1, FACES).argmax(axis=1)
+        group = cell * FACES + facing_axis(pieces.normal)
         names, member = np.unique(group, return_inverse=True)
         by_group = np.argsort(member, kind="stable")
         begins = np.searchsorted(member[by_group], np.arange(len(names)))

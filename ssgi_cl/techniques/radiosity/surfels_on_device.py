@@ -109,8 +109,7 @@ class DeviceSurfels:
     cramped: NDArray[np.bool_]
     camera: Camera
     unit: float
-    _exact: TriangleRays | None = None  # these two of scenes without holes alone
-    _lit: LitPoints | None = None
+    _lit: LitPoints | None = None  # of scenes without holes alone
     _visible: DeviceArray | None = None
 
     def __init__(self, runtime: Runtime, cells: int) -> None:
@@ -145,12 +144,11 @@ class DeviceSurfels:
         self._near = StartTriangles.of(self.runtime, scene, solid)
         self._shares = TriangleShares.of(scene)
         self._air = Air.of(occupancy.grid.download(), occupancy.cells)
-        self._exact = self._lit = None
+        self._lit = None
         if exact:
-            self._exact = TriangleRays(self.runtime, scene)
             low = self._box[:3] * self.unit - self._shift
             side = self.unit / float(self._box[3])
-            self._lit = LitPoints(self.runtime, scene, self._air, low.astype(np.float64), side, self.room)
+            self._lit = LitPoints(TriangleRays(self.runtime, scene), self._air, low.astype(np.float64), side, self.room)
         self._pilot = pilot = scene_surfels(scene, PILOT, self._shares)
         sight = self._look(pilot, solid)
         there = np.flatnonzero(sight.sees & (sight.part >= 0))
@@ -226,20 +224,20 @@ class DeviceSurfels:
             lit = None if self._lit is None else self._lit_share(moved) >= LEAST_LIT
             surfels, there, sight = self._chosen(moved, solid, spaces, lit)
             if history.suits(there):
-                if self._exact is None:
+                if self._lit is None:
                     return self._enter(surfels.chosen(there), sight.starts[there])
                 # Rays start from surfaces, so that surfels that see nothing now need no room in front of them.
                 there = history.joined(there)
                 return self._enter(surfels.chosen(there), None, sight.part[there] < 0)
         wanted = int(count / max(self._share(spaces), LEAST_SHARE))
-        if self._exact is None or self._lit is None:
+        if self._lit is None:
             tried, there, sight = self._chosen(scene_surfels(scene, wanted, self._shares), solid, spaces)
             return self._enter(history.begin(scene, tried, there), sight.starts[there])
         made = lit_surfels(scene, wanted, self._lit.reached, self._shares, others=history.follows)
         own = made.surfels.chosen(np.flatnonzero(made.lit))
         tried, there, sight = self._chosen(own, solid, spaces, np.ones(len(own), np.bool_))
         low, side = self.camera.position - self.half, 2.0 * self.half / CELLS
-        more = landings(self._exact, tried.chosen(there), low, side, self._lit.closed)
+        more = landings(self._lit.rays, tried.chosen(there), low, side, self._lit.closed)
         cramped = np.concatenate([sight.part[there] < 0, np.ones(len(more), np.bool_)])
         there = np.concatenate([there, len(tried) + np.arange(len(more))])
         self.unlit = Pieces(made.unlit_position, made.unlit_normal, made.unlit_area)
@@ -248,7 +246,7 @@ class DeviceSurfels:
 
     def _share(self, spaces: Spaces) -> float:
         """Return the part of the pilot's surfels that take part."""
-        if self._exact is None:
+        if self._lit is None:
             return float(self._of_pilot.sum() - self._of_pilot[list(spaces.dark)].sum()) / PILOT
         return float((self._pilot_sees * self._lit_share(self._pilot)).sum()) / PILOT
 

@@ -43,6 +43,15 @@ def scattered(normal: Doubles, places: Doubles) -> Doubles:
     return way
 
 
+def point_rows(position: Doubles, direction: Doubles) -> NDArray[np.float32]:
+    """Return points [n, 3] with normals or other directions as in kernels/radiosity/points.clh, [9, n or more]."""
+    count = len(position)
+    rows = np.zeros((9, max(-(-count // ROW) * ROW, ROW)), np.float32)
+    rows[5] = 1.0
+    rows[:3, :count], rows[3:6, :count] = position.T, direction.T
+    return rows
+
+
 class TriangleRays:
     """Rays from places relative to the scene's origin. Each call waits for the device.
 
@@ -52,23 +61,23 @@ class TriangleRays:
 
     Attributes:
         runtime, scene: as given.
-        diagonal: of the scene's box, scene units.
+        bvh: of its triangles.
+        reach: length of rays that meet what there is, scene units.
         lift: height above their surfaces at which rays begin.
     """
 
     def __init__(self, runtime: Runtime, scene: Scene) -> None:
         self.runtime, self.scene = runtime, scene
-        self.diagonal = diagonal_of(scene)
-        self.lift = LIFT * self.diagonal
-        self._bvh = scene_bvh(scene, runtime)
+        diagonal = diagonal_of(scene)
+        self.reach, self.lift = REACH * diagonal, LIFT * diagonal
+        self.bvh = scene_bvh(scene, runtime)
         self._ways = runtime.array(AHEAD)
 
     def met(self, position: Doubles, way: Doubles) -> tuple[NDArray[np.int32], Doubles, Doubles]:
         """Return the triangles that rays meet first, -1 for none, where, and their normals on that side."""
-        reach = REACH * self.diagonal
         out: dict[str, type] = {"met": np.int32, "where": np.float32}
-        met, where = self._run("radiosity/radiosity_met.cl", position, way, out, reach=reach)
-        return met, position + way * (where[:, None] * reach), _facing(self.scene, met, way)
+        met, where = self._run("radiosity/radiosity_met.cl", position, way, out, reach=self.reach)
+        return met, position + way * (where[:, None] * self.reach), _facing(self.scene, met, way)
 
     def start(self, position: Doubles, normal: Doubles, way: Doubles) -> Doubles:
         """Return places a little along ways from surfaces; lifted ones would narrow what is in front."""
@@ -85,21 +94,18 @@ class TriangleRays:
         return blocked
 
     def _run(self, name: str, position: Doubles, way: Doubles, out: dict[str, type], **more: Any) -> list[Any]:
-        count = len(position)
-        stride = max(-(-count // ROW) * ROW, ROW)
-        rows = np.zeros((9, stride), np.float32)
-        rows[5] = 1.0
-        rows[:3, :count], rows[3:6, :count] = position.T, way.T
+        rows = point_rows(position, way)
+        stride = rows.shape[1]
         arrays: dict[str, Any] = {key: self.runtime.empty(stride, kind) for key, kind in out.items()}
         self.runtime.kernel(name).run(
             (1, stride),
             points=self.runtime.array(rows),
-            nodes=self._bvh.nodes,
-            triangles=self._bvh.triangles,
+            nodes=self.bvh.nodes,
+            triangles=self.bvh.triangles,
             **arrays,
             **more,
         )
-        return [array.download()[:count] for array in arrays.values()]
+        return [array.download()[: len(position)] for array in arrays.values()]
 
 
 def _facing(scene: Scene, triangle: NDArray[np.int32], way: Doubles) -> Doubles:

@@ -18,6 +18,7 @@ from ssgi_cl.techniques.radiosity.air import Air
 from ssgi_cl.techniques.radiosity.lit_points import BOUNCES, CLOSED, FEW_POINTS, LitPoints
 from ssgi_cl.techniques.radiosity.radiosity import Radiosity, RadiosityParams
 from ssgi_cl.techniques.radiosity.surfels import TriangleShares, lit_surfels
+from ssgi_cl.techniques.radiosity.triangle_rays import TriangleRays
 
 from .test_radiosity import meshed
 
@@ -57,7 +58,7 @@ def air(*, within: int) -> Air:
 def test_paths_leave_a_sphere_through_a_hole_in_proportion_to_its_area(runtime: Runtime, cap: float) -> None:
     # Light of a point of a sphere comes to all others alike, so that each bounce leaves with the same probability.
     scene, share = globe(cap)
-    lit = LitPoints(runtime, scene, air(within=0), LOW, SIDE, 1.5 * SIDE)
+    lit = LitPoints(TriangleRays(runtime, scene), air(within=0), LOW, SIDE, 1.5 * SIDE)
     position, normal = inside(40_000)
     lit.enter(frozenset({1}), position[:1], normal[:1])
     found = lit.reached(position, normal, np.arange(len(position)))
@@ -68,7 +69,7 @@ def test_paths_leave_a_sphere_through_a_hole_in_proportion_to_its_area(runtime: 
 
 def test_points_before_lit_air_are_lit_unless_a_triangle_is_before_it(runtime: Runtime) -> None:
     scene, _ = globe()
-    lit = LitPoints(runtime, scene, air(within=2), LOW, SIDE, 1.5 * SIDE)
+    lit = LitPoints(TriangleRays(runtime, scene), air(within=2), LOW, SIDE, 1.5 * SIDE)
     position, normal = inside(2000)
     lit.enter(frozenset({1}), position, normal)
     numbers = np.arange(len(position))
@@ -82,7 +83,7 @@ def test_points_before_lit_air_are_lit_unless_a_triangle_is_before_it(runtime: R
 def test_spaces_from_which_no_path_leaves_are_closed(runtime: Runtime, monkeypatch: pytest.MonkeyPatch) -> None:
     position, normal = inside(2000)
     for cap, state in ((0.0, CLOSED), (0.2, 0)):
-        lit = LitPoints(runtime, globe(cap)[0], air(within=2), LOW, SIDE, 1.5 * SIDE)
+        lit = LitPoints(TriangleRays(runtime, globe(cap)[0]), air(within=2), LOW, SIDE, 1.5 * SIDE)
         lit.enter(frozenset({1}), position, normal)
         assert lit.states.tolist() == [0, 1, state]
         # Few points tell nothing of a space.
@@ -95,7 +96,7 @@ def test_spaces_from_which_no_path_leaves_are_closed(runtime: Runtime, monkeypat
 
 
 def test_places_without_air_are_no_closed_space(runtime: Runtime) -> None:
-    lit = LitPoints(runtime, globe()[0], air(within=0), LOW, SIDE, 1.5 * SIDE)
+    lit = LitPoints(TriangleRays(runtime, globe()[0]), air(within=0), LOW, SIDE, 1.5 * SIDE)
     lit.enter(frozenset({1}), *inside(2000))
     assert lit.states.tolist() == [0, 1]
 
@@ -103,7 +104,7 @@ def test_places_without_air_are_no_closed_space(runtime: Runtime) -> None:
 def test_a_path_ends_where_it_comes_into_a_closed_space(runtime: Runtime) -> None:
     # Points so near to their cells' walls that no air is in front of them; all else within is closed.
     scene, share = globe(0.2)
-    lit = LitPoints(runtime, scene, air(within=2), LOW, SIDE, 0.01 * SIDE)
+    lit = LitPoints(TriangleRays(runtime, scene), air(within=2), LOW, SIDE, 0.01 * SIDE)
     position, normal = inside(40_000)
     lit.enter(frozenset({1}), position[:1], normal[:1])
     lit.states[2] = CLOSED
@@ -141,7 +142,7 @@ def test_surfels_are_of_points_that_light_reaches_or_of_others() -> None:
 
 
 def test_a_point_has_the_same_paths_among_any_others(runtime: Runtime) -> None:
-    lit = LitPoints(runtime, globe(0.2)[0], air(within=0), LOW, SIDE, 1.5 * SIDE)
+    lit = LitPoints(TriangleRays(runtime, globe(0.2)[0]), air(within=0), LOW, SIDE, 1.5 * SIDE)
     position, normal = inside(999)
     lit.enter(frozenset({1}), position[:1], normal[:1])
     numbers = np.arange(999)

@@ -44,9 +44,9 @@ def wide_bvh_of(bvh: Bvh, width: int) -> WideBvh:
     """Return a hierarchy of the same triangles, of nodes of up to `width` boxes and blocks of up to `width` triangles,
     `LEAF` or more.
 
-    Of all such hierarchies whose boxes are boxes of `bvh` it is that whose boxes' areas, which say how many rays meet
-    them, sum to the least (Ylitie, Karras and Laine 2017, "Efficient Incoherent Ray Traversal on GPUs Through
-    Compressed Wide BVHs", section 3).
+    Of all such hierarchies whose boxes are boxes of `bvh`, those of up to `width` / 2 triangles whole, it is that whose
+    boxes' areas, which say how many rays meet them, sum to the least (Ylitie, Karras and Laine 2017, "Efficient
+    Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs", section 3).
     """
     bits = bvh.nodes.view(np.int32)
     leaf, follows = bits[:, 7], bits[:, 3].astype(np.int64)
@@ -109,25 +109,28 @@ class _Plan:
         x, y, z = (bvh.nodes[:, 4:7] - bvh.nodes[:, 0:3]).T
         area = x * y + y * z + z * x
         area[size == 0] = 0.0
-        # [nodes, slots]: of a node as one box, and as up to 1, 2, ... boxes of the node above.
+        # Parting what fills no half of a block takes as long to plan as all else, for .6 % less work of rays.
+        parts = ~leaf & (size > width // 2)
+        # Of a node as one box, and of those with parts, and one without, as up to 1, 2, ... boxes of the node above.
         self._one = np.where(size <= width, BLOCK_COST * area, np.inf).astype(np.float32)
-        self._parted = np.full((len(area), width), np.inf, np.float32)
-        self._left = np.zeros((len(area), width), np.int8)
+        self._row = np.where(parts, np.cumsum(parts) - 1, np.count_nonzero(parts))
+        self._parted = np.full((np.count_nonzero(parts) + 1, width), np.inf, np.float32)
+        self._left = np.zeros(self._parted.shape, np.int8)
         self.is_block = np.ones(len(area), bool)
         for level in reversed(levels):
-            inner = level[~leaf[level] & (size[level] > 0)]
-            left, right = inner + 1, follows[inner + 1]
-            parted = self._parted[inner]
-            slots = self._left[inner]
-            of_left = np.minimum(self._one[left, None], self._parted[left])
-            of_right = np.minimum(self._one[right, None], self._parted[right])
+            inner = level[parts[level]]
+            of_left, of_right = (
+                np.minimum(self._one[half, None], self._parted[self._row[half]]).T.copy()
+                for half in (inner + 1, follows[inner + 1])
+            )
+            parted = np.full((width, len(inner)), np.inf, np.float32)
+            slots = np.zeros(parted.shape, np.int8)
             for taken in range(1, width):
-                both = of_left[:, taken - 1 : taken] + of_right[:, : width - taken]
-                better = both < parted[:, taken:]
-                parted[:, taken:][better] = both[better]
-                slots[:, taken:][better] = taken
-            self._parted[inner], self._left[inner] = parted, slots
-            node = area[inner] + parted[:, -1]
+                both = of_left[taken - 1] + of_right[: width - taken]
+                np.copyto(slots[taken:], taken, where=both < parted[taken:])
+                np.minimum(parted[taken:], both, out=parted[taken:])
+            self._parted[self._row[inner]], self._left[self._row[inner]] = parted.T, slots.T
+            node = area[inner] + parted[-1]
             self.is_block[inner] = self._one[inner] <= node
             self._one[inner] = np.minimum(self._one[inner], node)
 
@@ -141,11 +144,11 @@ class _Plan:
         while len(node):
             done.append((owner[whole], node[whole]))
             owner, node, slots = owner[~whole], node[~whole], slots[~whole]
-            taken = self._left[node, slots - 1].astype(np.int64)
+            taken = self._left[self._row[node], slots - 1].astype(np.int64)
             owner = np.repeat(owner, 2)
             slots = np.stack([taken, slots - taken], axis=1).ravel()
             node = np.stack([node + 1, self._follows[node + 1]], axis=1).ravel()
-            whole = self._one[node] <= self._parted[node, slots - 1]
+            whole = self._one[node] <= self._parted[self._row[node], slots - 1]
         owner, node = (np.concatenate(parts) for parts in zip(*done, strict=True))
         order = np.lexsort((node, owner))
         return owner[order], node[order]

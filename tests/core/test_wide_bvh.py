@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cache
 
 import numpy as np
@@ -81,12 +82,14 @@ def test_the_areas_of_all_boxes_sum_to_the_least(width: int, rng: np.random.Gene
     def least(node: int, slots: int) -> float:
         """Of all ways to have a node's triangles in so many boxes at most."""
         block = BLOCK_COST * area[node] if triangles(node) <= width else np.inf
-        if bits[node, 7] != 0:
+        if bits[node, 7] != 0 or triangles(node) <= width // 2:
             return float(BLOCK_COST * area[node])
         ways = [block, area[node] + parted(node, width)]
         return min([*ways, parted(node, slots)] if slots > 1 else ways)
 
     def parted(node: int, slots: int) -> float:
+        if triangles(node) <= width // 2:
+            return math.inf
         right = int(bits[node + 1, 3])
         return min(least(node + 1, left) + least(right, slots - left) for left in range(1, slots))
 

@@ -55,10 +55,9 @@ ALL = 1 << 30
 """Work-groups."""
 WITH_RAYS = {
     "sky_probe": 1, "sky_rays": 3, "radiosity_start": 3, "radiosity_sky": 3, "radiosity_rays": 3,
-    "radiosity_bounce": 3, "radiosity_escape": 3, "radiosity_met": 3, "radiosity_room": 3, "radiosity_seen": 3,
-    "radiosity_reached": 3,
-    "radiosity_divide": 3, "radiosity_emission": 3, "radiosity_direct": 3, "final_gather": ALL, "shade_list": ALL,
-    "reflect_mirror": ALL,
+    "radiosity_bounce": 3, "radiosity_escape": 3, "radiosity_met": 3, "radiosity_blocked": 3, "radiosity_places": 3,
+    "radiosity_lend": 3, "radiosity_reached": 3, "radiosity_divide": 3,
+    "radiosity_emission": 3, "radiosity_direct": 3, "final_gather": ALL, "shade_list": ALL, "reflect_mirror": ALL,
 }  # fmt: skip
 """Kernel that `--rays` counts -> work-groups of a launch that the simulator runs, spread evenly."""
 FEW = {
@@ -116,7 +115,9 @@ GPUS = {
 }
 """Name -> ceilings as their makers state them."""
 PIXELS = 3840 * 2160
-OF_PARTS = ("bounce", "direct", "divide", "emission", "escape", "met", "rays", "reached", "room", "seen")
+OF_PARTS = (
+    "blocked", "bounce", "direct", "divide", "emission", "escape", "lend", "met", "places", "rays", "reached",
+)  # fmt: skip
 """Kernels of radiosity that have a work-item for each part of a surfel, or fewer."""
 GATHER_RAYS = 1.6
 """Rays of a work-item of final_gather, the mean of those that `--rays` counts: many have no point in small

@@ -22,7 +22,8 @@ def r_points(first: int, last: int, dimensions: int) -> NDArray[np.float64]:
     for _ in range(64):
         root = (1.0 + root) ** (1.0 / (dimensions + 1.0))
     steps = root ** -np.arange(1.0, dimensions + 1.0)
-    points: NDArray[np.float64] = np.mod(np.arange(first + 1, last + 1)[:, None] * steps, 1.0)
+    points: NDArray[np.float64] = np.arange(first + 1, last + 1)[:, None] * steps
+    points -= np.floor(points)
     return points
 
 

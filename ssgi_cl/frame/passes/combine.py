@@ -36,7 +36,8 @@ def combine(build: Build, *light: str, ambient: bool = False) -> Stage:
     def run(r: Declared) -> tuple[Plane, Plane | None]:
         seen = r[GBUFFER]
         given = {name: r[build.steady(name)] for name in (*light, *dimmed)}
-        if AO in given and whole and not params.dims_indirect and sky_by_rays(r[CASTING], build.runtime):
+        dims = given.get(AO) is not None and whole and not params.dims_indirect
+        if dims and sky_by_rays(r[CASTING], build.runtime):
             del given[AO]  # rays have found all that blocks the sky
         lobes = build.runtime.transient.plane(3, build.size) if whole and seen.mirrors else None
         radiance = build.shade.combine(

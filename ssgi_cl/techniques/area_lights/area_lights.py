@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.hilbert_curve import curve_numbers
 from ssgi_cl.core.params import Params, Prepared, param, with_fields_described
 from ssgi_cl.core.sampling import r_points
 from ssgi_cl.core.scene import Scene
@@ -22,7 +23,6 @@ from ssgi_cl.device.transient import Target
 from ssgi_cl.rasterize.raster.scene_bvh import scene_bvh
 from ssgi_cl.techniques.area_lights.emitters import Emitters
 from ssgi_cl.techniques.bands import banded, fixed_plan
-from ssgi_cl.techniques.radiosity.surfels import curve_numbers
 from ssgi_cl.techniques.technique import Technique
 
 AREA = Struct(

@@ -10,13 +10,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.core.hilbert_curve import curve_numbers
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.srgb import mean_color
 from ssgi_cl.core.vpls import LUMINANCE, PARTS, Vpls
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.techniques.radiosity.light_volume import CELLS, cells_at
-from ssgi_cl.techniques.radiosity.surfel_rays import Sources
-from ssgi_cl.techniques.radiosity.surfels import Surfels, curve_numbers, facing_axis
+from ssgi_cl.techniques.radiosity.surfel_points import Sources
+from ssgi_cl.techniques.radiosity.surfels import Surfels, facing_axis
 from ssgi_cl.techniques.radiosity.triangle_rays import TriangleRays, scattered
 
 Doubles = NDArray[np.float64]

@@ -28,7 +28,9 @@ from ssgi_cl.techniques.radiosity.light_volume import CELLS, LightVolume
 from ssgi_cl.techniques.radiosity.sky_directions import sky_directions
 from ssgi_cl.techniques.radiosity.surface_cells import Pieces, SurfaceCells
 from ssgi_cl.techniques.radiosity.surfel_history import STEADY_LIGHTS, SurfelHistory
-from ssgi_cl.techniques.radiosity.surfel_rays import SurfelPoints, SurfelRays, hiding_planes, open_shares, seen_parts
+from ssgi_cl.techniques.radiosity.surfel_hits import SurfelHits
+from ssgi_cl.techniques.radiosity.surfel_points import SurfelPoints, hiding_planes
+from ssgi_cl.techniques.radiosity.surfel_rays import SurfelRays
 from ssgi_cl.techniques.radiosity.surfels import Surfels
 from ssgi_cl.techniques.radiosity.surfels_on_device import DeviceSurfels, Spaces
 from ssgi_cl.techniques.sky_levels import SkyLevels
@@ -247,18 +249,18 @@ class Radiosity(Prepared[RadiosityParams]):
         pieces = Pieces.of(surfels) if len(surfels) or records is None else self._of_maps(records)[0]
         self._lights = found.lights if found is not None and len(found.lights) else None
         self._first_by_rays = rays_carry_first_bounce(scene)
-        self._rays = points = shown = planes = seen = None
+        self._rays = hits = shown = planes = seen = None
         if exact and len(surfels):
             points = SurfelPoints(self.runtime, scene, surfels, None if found is None else found.sources)
-            shown, planes = open_shares(points, OPEN_CELLS * extent / CELLS), hiding_planes(points)
-            seen = seen_parts(points)
+            hits, planes = SurfelHits(points, OPEN_CELLS * extent / CELLS), hiding_planes(points)
+            shown, seen = hits.far, hits.seen
             if found is not None:
                 shown[found.within] = 0.0
-        self._cells = cache(lambda: SurfaceCells(pieces, low, extent, device.unlit, shown, planes, seen))
+        self._cells = cache(lambda: SurfaceCells(self.runtime, pieces, low, extent, device.unlit, shown, planes, seen))
         self._hidden = np.zeros(len(surfels.part_area), np.bool_)
-        if points is not None and shown is not None:
-            self._hidden = (shown < GAP) | np.repeat(device.cramped, PARTS)
-            self._rays = SurfelRays(points, self._cells())
+        if hits is not None:
+            self._hidden = (hits.far < GAP) | np.repeat(device.cramped, PARTS)
+            self._rays = SurfelRays(hits, self._cells())
 
     def _solved(
         self, environments: Sequence[Environment], lights: Sequence[PunctualLight], records: Floats | None

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ssgi_cl.core.hilbert_curve import curve_numbers
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.arrays import DeviceArray
 from ssgi_cl.device.constants import START_BATCH, START_FEW
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.raster.device_scene import DeviceScene, cutouts_of, planar, triangle_boxes
-from ssgi_cl.techniques.radiosity.surfels import curve_numbers
 
 SPREAD = 0.15
 """Mean diagonal of boxes of 16 triangles over the scene's, from which on they are put in order:

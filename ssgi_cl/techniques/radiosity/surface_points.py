@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -33,9 +34,9 @@ class SurfacePoints(NamedTuple):
     triangle: NDArray[np.intp]
     weights: Doubles
 
-    def chosen(self, which: NDArray[np.intp] | NDArray[np.bool_]) -> SurfacePoints:
-        """Return some."""
-        chosen: Any = (values[which] for values in self)
+    def chosen(self, which: NDArray[np.intp]) -> SurfacePoints:
+        """Return those of these numbers."""
+        chosen: Any = (values.take(which, axis=0) for values in self)
         return SurfacePoints(*chosen)
 
 
@@ -43,6 +44,21 @@ def surface_points(
     scene: Scene, triangle: NDArray[np.intp], weights: Doubles
 ) -> tuple[SurfacePoints, NDArray[np.bool_]]:
     """Return the points of triangles [n] at weights [n, 3] of their vertices, and which lie in no hole, [n]."""
+    albedo, emission, solid = coats_of(scene, triangle, weights)
+    return SurfacePoints(*places_of(scene, triangle, weights), albedo, emission, triangle, weights), solid
+
+
+def places_of(scene: Scene, triangle: NDArray[np.intp], weights: Doubles) -> tuple[Doubles, Doubles]:
+    """Return positions and normals of `surface_points` alone."""
+    corners = scene.positions[scene.triangles[triangle]].astype(np.float64)
+    position: Doubles = np.einsum("nk,nkc->nc", weights, corners)
+    normal = np.stack(_cross(*(corners[:, 1:] - corners[:, :1]).transpose(1, 2, 0)), axis=1)
+    normal /= np.maximum(np.sqrt(np.einsum("nc,nc->n", normal, normal)), 1e-300)[:, None]
+    return position, normal
+
+
+def coats_of(scene: Scene, triangle: NDArray[np.intp], weights: Doubles) -> tuple[Doubles, Doubles, NDArray[np.bool_]]:
+    """Return albedo and emission of `surface_points` alone, and which lie in no hole."""
     corners = scene.triangles[triangle]
 
     def mixed(values: NDArray[np.float32]) -> Doubles:
@@ -50,7 +66,9 @@ def surface_points(
         return result
 
     ids = scene.material_ids[triangle]
-    albedo = np.array([m.albedo for m in scene.materials])[ids] * np.clip(mixed(scene.colors), 0.0, None)
+    albedo = np.array([m.albedo for m in scene.materials])[ids]
+    if (scene.colors != 1.0).any():
+        albedo *= np.clip(mixed(scene.colors), 0.0, None)
     emission = np.array([m.emission for m in scene.materials])[ids]
     solid = np.ones(len(triangle), np.bool_)
     textured = [index for index, m in enumerate(scene.materials) if max(m.texture, m.emission_texture) >= 0]
@@ -66,16 +84,7 @@ def surface_points(
             emission[own] *= BYTES[_nearest(scene, material.emission_texture, uvs[own])[:, :3]]
     # What lobes reflect goes every way.
     albedo += np.array([m.spread for m in scene.materials])[ids]
-    position, normal = places_of(scene, triangle, weights)
-    return SurfacePoints(position, normal, np.clip(albedo, 0.0, 1.0), emission, triangle, weights), solid
-
-
-def places_of(scene: Scene, triangle: NDArray[np.intp], weights: Doubles) -> tuple[Doubles, Doubles]:
-    """Return positions and normals of `surface_points` alone."""
-    position: Doubles = np.einsum("nk,nkc->nc", weights, scene.positions[scene.triangles[triangle]].astype(np.float64))
-    cross = np.stack(triangle_cross(scene, triangle), axis=1)
-    double = np.sqrt(np.einsum("nc,nc->n", cross, cross))
-    return position, cross / np.maximum(double, 1e-300)[:, None]
+    return np.clip(albedo, 0.0, 1.0), emission, solid
 
 
 def weights_at(scene: Scene, triangle: NDArray[np.intp], position: Doubles) -> Doubles:
@@ -95,8 +104,13 @@ def weights_at(scene: Scene, triangle: NDArray[np.intp], position: Doubles) -> D
 def triangle_cross(scene: Scene, chosen: Triangles) -> tuple[Doubles, Doubles, Doubles]:
     """Return x, y and z of the normals of triangles, as long as twice their areas."""
     x, y, z = scene.positions.T.astype(np.float64)[:, scene.triangles[chosen].T]
-    ux, uy, uz = x[1] - x[0], y[1] - y[0], z[1] - z[0]
-    vx, vy, vz = x[2] - x[0], y[2] - y[0], z[2] - z[0]
+    first, second = ((x[i] - x[0], y[i] - y[0], z[i] - z[0]) for i in (1, 2))
+    return _cross(first, second)
+
+
+def _cross(u: Iterable[Doubles], v: Iterable[Doubles]) -> tuple[Doubles, Doubles, Doubles]:
+    """Return x, y and z of cross products, from those of vectors."""
+    (ux, uy, uz), (vx, vy, vz) = u, v
     return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
 
 

@@ -9,15 +9,20 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ssgi_cl.core.hilbert_curve import CURVE_BITS, curve_numbers
 from ssgi_cl.core.sampling import r_points
 from ssgi_cl.core.scene import Scene, mean_emission
 from ssgi_cl.core.vpls import PARTS
-from ssgi_cl.techniques.radiosity.surface_points import SurfacePoints, places_of, surface_points, triangle_cross
+from ssgi_cl.techniques.radiosity.surface_points import (
+    SurfacePoints,
+    coats_of,
+    places_of,
+    surface_points,
+    triangle_cross,
+)
 
 Doubles = NDArray[np.float64]
 
-CURVE_BITS = 10
-"""Bits of each coordinate along the Hilbert curve."""
 WIDEST = 3.0
 """Diagonal of the box round a surfel, over the root of its area, at most: the curve leaves a surface and comes back
 elsewhere, and far parts take visibility and irradiance of a place that is not theirs. Half of the surfels are within
@@ -98,10 +103,10 @@ class Surfels:
 
     def chosen(self, order: NDArray[np.intp]) -> Surfels:
         """Return the surfels of these numbers, in this order."""
-        own = {name: getattr(self, name)[order] for name in _OWN}
+        own = {name: getattr(self, name).take(order, axis=0) for name in _OWN}
         of_parts = {}
         for name in _OF_PARTS:
-            rows = _by_surfel(getattr(self, name))[order]
+            rows = _by_surfel(getattr(self, name)).take(order, axis=0)
             of_parts[name] = rows.reshape(-1, *rows.shape[2:])
         return Surfels(origin=self.origin, **own, **of_parts)
 
@@ -271,20 +276,20 @@ def lit_surfels(
     if not len(area):
         none = np.zeros((0, 3))
         return LitSurfels(Surfels.none(origin), np.zeros(0, np.bool_), none, none, np.zeros(0))
-    number = np.concatenate([np.arange(len(area)), np.flatnonzero(~scene.culled_backs[triangle])])
-    side = np.where(np.arange(len(number)) < len(area), 1.0, -1.0)
-    triangle, weights, area = triangle[number], weights[number], area[number]
     position, normal = places_of(scene, triangle, weights)
-    normal = side[:, None] * normal
+    backs = np.flatnonzero(~scene.culled_backs[triangle])
+    number = np.concatenate([np.arange(len(area)), backs])
+    position, normal = position[number], np.concatenate([normal, -normal[backs]])
+    triangle, weights, area = triangle[number], weights[number], area[number]
     lit = shares.emits[triangle] | reached(position, normal, np.arange(len(area)))
     unlit = np.flatnonzero(~lit)
     black = position[unlit] + origin, normal[unlit], area[unlit]
     left = np.arange(len(area)) if others else np.flatnonzero(lit)
     if not len(left):
         return LitSurfels(Surfels.none(origin), np.zeros(0, np.bool_), *black)
-    points, _ = surface_points(scene, triangle[left], weights[left])
-    points = points._replace(normal=side[left, None] * points.normal)
-    area, lit = area[left], lit[left]
+    triangle, weights, area, lit = triangle[left], weights[left], area[left], lit[left]
+    albedo, emission, _ = coats_of(scene, triangle, weights)
+    points = SurfacePoints(position[left], normal[left], albedo, emission, triangle, weights)
     kind = facing_axis(points.normal) + 6 * points.emission.any(axis=1) + 12 * ~lit
     low, high = scene.bounds - scene.origin
     index, real = _narrow(points.position, area, *_in_order(_along(points.position, low, high, kind), kind))
@@ -318,7 +323,7 @@ def _points(scene: Scene, count: int, shares: TriangleShares) -> tuple[SurfacePo
     """Return points on the triangles that lie in no hole, and the area of each."""
     triangle, weights, area = _drawn(scene, count, shares)
     points, solid = surface_points(scene, triangle, weights)
-    return points.chosen(solid), area[solid]
+    return (points, area) if solid.all() else (points.chosen(np.flatnonzero(solid)), area[solid])
 
 
 def _drawn(scene: Scene, count: int, shares: TriangleShares) -> tuple[NDArray[np.intp], Doubles, Doubles]:
@@ -347,39 +352,6 @@ def facing_axis(normal: Doubles) -> NDArray[np.int64]:
     return number
 
 
-def curve_numbers(points: Doubles, low: Doubles, high: Doubles) -> NDArray[np.int64]:
-    """Return [n] the numbers of points [n, 3] along a Hilbert curve through a box's cube.
-
-    After Skilling 2004, "Programming the Hilbert curve".
-    """
-    side = max(float((high - low).max()), 1e-30)
-    most = (1 << CURVE_BITS) - 1
-    x, y, z = np.clip((points - low) / side * most, 0, most).astype(np.int32).T
-    coordinates = [x, y, z]
-    bit = 1 << (CURVE_BITS - 1)
-    while bit > 1:
-        below = bit - 1
-        for i in range(3):
-            one = (coordinates[i] & bit) != 0
-            exchange = (coordinates[0] ^ coordinates[i]) & below
-            coordinates[0] = coordinates[0] ^ np.where(one, below, exchange)
-            if i:
-                coordinates[i] = coordinates[i] ^ np.where(one, 0, exchange)
-        bit >>= 1
-    for i in (1, 2):
-        coordinates[i] = coordinates[i] ^ coordinates[i - 1]
-    turn = np.zeros_like(x)
-    bit = 1 << (CURVE_BITS - 1)
-    while bit > 1:
-        turn ^= np.where(coordinates[2] & bit, bit - 1, 0).astype(np.int32)
-        bit >>= 1
-    number = np.zeros(len(x), np.int64)
-    for bit in range(CURVE_BITS - 1, -1, -1):
-        for value in coordinates:
-            number = (number << 1) | (((value ^ turn) >> bit) & 1)
-    return number
-
-
 def _narrow(
     positions: Doubles, areas: Doubles, index: NDArray[np.intp], real: NDArray[np.bool_]
 ) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
@@ -390,15 +362,14 @@ def _narrow(
     done: list[tuple[NDArray[np.intp], NDArray[np.bool_], NDArray[np.intp]]] = []
     number = np.arange(len(index))
     while len(index):
-        position = positions[index]
-        low = np.where(real[..., None], position, np.inf).min(axis=1)
-        high = np.where(real[..., None], position, -np.inf).max(axis=1)
+        position = positions.take(index.T, axis=0)
+        low, high = position.min(axis=0), position.max(axis=0)  # what does not count is where what does is
         squared = np.sum((high - low) ** 2, axis=1)
         wide = squared > WIDEST**2 * np.sum(areas[index] * real, axis=1)
         done.append((index[~wide], real[~wide], number[~wide]))
-        axis = np.argmax(high - low, axis=1)[wide, None]
+        axis = np.argmax(high - low, axis=1)[wide]
         index, real, number = index[wide], real[wide], np.repeat(number[wide], 2)
-        along = np.take_along_axis(position[wide], axis[..., None], 2)[..., 0]
+        along = positions[index, axis[:, None]]
         order = np.argsort(np.where(real, along, np.inf), axis=1, kind="stable")
         index, real = np.take_along_axis(index, order, 1), np.take_along_axis(real, order, 1)
         along = np.take_along_axis(along, order, 1)
@@ -407,7 +378,6 @@ def _narrow(
         index, real = np.repeat(index, 2, axis=0), np.repeat(real, 2, axis=0)
         real[0::2] &= first
         real[1::2] &= ~first
-        # What does not count is where what does is.
         index = np.where(real, index, np.take_along_axis(index, np.argmax(real, axis=1)[:, None], 1))
     order = np.argsort(np.concatenate([own for _, _, own in done]), kind="stable")
     return np.concatenate([own for own, _, _ in done])[order], np.concatenate([own for _, own, _ in done])[order]
@@ -438,8 +408,9 @@ def _surfels(
         result: Doubles = np.einsum("np,npc->nc", area, values) / whole[:, None]
         return result
 
-    position = points.position[index]
-    away = np.sum((position - mean(position)[:, None]) ** 2, axis=2)
+    position = points.position.take(index, axis=0)
+    away = position - mean(position)[:, None]
+    away = np.einsum("npc,npc->np", away, away)
     # A padding part is as near as the last real one, and comes behind it.
     nearest = np.argsort(away, axis=1, kind="stable")
     index, area = np.take_along_axis(index, nearest, 1), np.take_along_axis(area, nearest, 1)

@@ -8,12 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.hemisphere import TILE
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.raster.scene_bvh import scene_bvh
 from ssgi_cl.techniques.occupancy.scene_rays import LIFT
-from ssgi_cl.techniques.radiosity.surface_points import triangle_cross
 
 Doubles = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -22,8 +20,6 @@ REACH = 1.01
 """Length of rays, in diagonals of the scene's box."""
 ROW = 64
 """Points in whose multiples rows lie."""
-AHEAD = np.repeat(np.array([0.0, 0.0, 1.0], np.float32), TILE * TILE).reshape(1, 3, TILE * TILE)
-"""One ray along the normal, in the form of `hemisphere_ways`."""
 LEAST_COSINE = 0.25
 """Of rays that begin as high above their surfaces as others."""
 
@@ -71,13 +67,12 @@ class TriangleRays:
         diagonal = diagonal_of(scene)
         self.reach, self.lift = REACH * diagonal, LIFT * diagonal
         self.bvh = scene_bvh(scene, runtime)
-        self._ways = runtime.array(AHEAD)
 
     def met(self, position: Doubles, way: Doubles) -> tuple[NDArray[np.int32], Doubles, Doubles]:
         """Return the triangles that rays meet first, -1 for none, where, and their normals on that side."""
-        out: dict[str, type] = {"met": np.int32, "where": np.float32}
-        met, where = self._run("radiosity/radiosity_met.cl", position, way, out, reach=self.reach)
-        return met, position + way * (where[:, None] * self.reach), _facing(self.scene, met, way)
+        out: dict[str, tuple[int, type]] = {"met": (1, np.int32), "where": (1, np.float32), "facing": (3, np.float32)}
+        met, where, facing = self._run("radiosity/radiosity_met.cl", position, way, out, reach=self.reach)
+        return met[0], position + way * (where.T * self.reach), facing.T.astype(np.float64)
 
     def start(self, position: Doubles, normal: Doubles, way: Doubles) -> Doubles:
         """Return places a little along ways from surfaces; lifted ones would narrow what is in front."""
@@ -87,16 +82,18 @@ class TriangleRays:
 
     def blocked(self, position: Doubles, normal: Doubles, reach: float, lift: float | None = None) -> Flags:
         """Return whether a triangle is in front of places, by default of surfaces, within a reach."""
-        above = self.lift if lift is None else lift
-        more = {"ways": self._ways, "rays": 1, "lift": above, "reach": reach}
-        (far,) = self._run("radiosity/radiosity_room.cl", position, normal, {"far": np.float32}, **more)
-        blocked: Flags = far == 0.0
+        more = {"lift": self.lift if lift is None else lift, "reach": reach}
+        (found,) = self._run("radiosity/radiosity_blocked.cl", position, normal, {"blocked": (1, np.float32)}, **more)
+        blocked: Flags = found[0] != 0.0
         return blocked
 
-    def _run(self, name: str, position: Doubles, way: Doubles, out: dict[str, type], **more: Any) -> list[Any]:
+    def _run(
+        self, name: str, position: Doubles, way: Doubles, out: dict[str, tuple[int, type]], **more: Any
+    ) -> list[Any]:
+        """Return what a kernel finds along ways: by name so many rows of a kind."""
         rows = point_rows(position, way)
         stride = rows.shape[1]
-        arrays: dict[str, Any] = {key: self.runtime.empty(stride, kind) for key, kind in out.items()}
+        arrays: dict[str, Any] = {key: self.runtime.empty(n * stride, kind) for key, (n, kind) in out.items()}
         self.runtime.kernel(name).run(
             (1, stride),
             points=self.runtime.array(rows),
@@ -105,12 +102,4 @@ class TriangleRays:
             **arrays,
             **more,
         )
-        return [array.download()[: len(position)] for array in arrays.values()]
-
-
-def _facing(scene: Scene, triangle: NDArray[np.int32], way: Doubles) -> Doubles:
-    """Return unit normals [n, 3] of triangles on the side that rays meet."""
-    facing: Doubles = np.stack(triangle_cross(scene, triangle), axis=1)
-    facing /= np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-300)
-    facing *= -np.sign(np.einsum("nc,nc->n", facing, way))[:, None]
-    return facing
+        return [array.download().reshape(-1, stride)[:, : len(position)] for array in arrays.values()]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ssgi_cl.core.environment_samples import Strata, environment_strata
 from ssgi_cl.core.gbuffer import GBuffer
+from ssgi_cl.core.hilbert_curve import curve_numbers
 from ssgi_cl.core.lights import Environment, Light, are_same, environments_of
 from ssgi_cl.core.params import Params, Prepared, param, with_fields_described
 from ssgi_cl.core.scene import Scene
@@ -25,7 +26,6 @@ from ssgi_cl.rasterize.raster.scene_bvh import scene_bvh
 from ssgi_cl.techniques.bands import banded, fixed_plan
 from ssgi_cl.techniques.environment_light import lit_by_environments
 from ssgi_cl.techniques.filters.bilateral import BilateralParams
-from ssgi_cl.techniques.radiosity.surfels import curve_numbers
 from ssgi_cl.techniques.technique import Technique
 
 SKY = Struct(

@@ -17,7 +17,7 @@ from ssgi_cl.techniques.radiosity import radiosity as radiosity_module
 from ssgi_cl.techniques.radiosity.gaps import LEAST_AREA, NEAR, Openings, openings
 from ssgi_cl.techniques.radiosity.light_volume import CELLS
 from ssgi_cl.techniques.radiosity.radiosity import Radiosity, RadiosityParams
-from ssgi_cl.techniques.radiosity.surfel_rays import Sources
+from ssgi_cl.techniques.radiosity.surfel_points import Sources
 
 from .test_radiosity import box, meshed
 

@@ -172,10 +172,11 @@ def light(
 
 
 def volume(made: Radiosity) -> NDArray[np.float32]:
-    """Return the radiance of the cells of the light volume, [cells, 6, 3]."""
+    """Return what the surfaces in the cells of the light volume send, [cells, 6, 3]: radiance by area."""
     assert made._result is not None
     held = made._result.volume()
-    return held.records[held.cells.ravel()][..., :3]
+    records = held.records[held.cells.ravel()]
+    return records[..., :3] * records[..., 3:]
 
 
 def test_a_scene_that_hardly_moves_has_hardly_other_light(runtime: Runtime) -> None:

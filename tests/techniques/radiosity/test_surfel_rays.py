@@ -17,7 +17,9 @@ from ssgi_cl.reference.multires.final_gather import final_gather_reference
 from ssgi_cl.techniques.occupancy.scene_rays import LIFT
 from ssgi_cl.techniques.radiosity.light_volume import CELLS, FACES, LightVolume
 from ssgi_cl.techniques.radiosity.surface_cells import Pieces, SurfaceCells
-from ssgi_cl.techniques.radiosity.surfel_rays import RAYS, SurfelPoints, SurfelRays, open_shares, seen_parts
+from ssgi_cl.techniques.radiosity.surfel_hits import RAYS, SurfelHits
+from ssgi_cl.techniques.radiosity.surfel_points import SurfelPoints
+from ssgi_cl.techniques.radiosity.surfel_rays import SurfelRays
 from ssgi_cl.techniques.radiosity.surfels import Surfels, scene_surfels
 from ssgi_cl.techniques.sky_levels import SkyLevels
 
@@ -42,15 +44,19 @@ FLOOR = ((-2.0, 0.0, -2.0), (0.0, 0.0, 4.0), (4.0, 0.0, 0.0))
 PLATE = ((-0.5, 1.0, -0.5), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
 
 
-def cells_of(surfels: Surfels, scene: Scene) -> SurfaceCells:
+def cells_of(runtime: Runtime, surfels: Surfels, scene: Scene) -> SurfaceCells:
     low, high = scene.bounds
     pieces = Pieces(surfels.part_position + surfels.origin, surfels.part_normal, surfels.part_area)
-    return SurfaceCells(pieces, 0.5 * (low + high) - 0.5 * (high - low).max(), float((high - low).max()))
+    return SurfaceCells(runtime, pieces, 0.5 * (low + high) - 0.5 * (high - low).max(), float((high - low).max()))
+
+
+def hits_of(runtime: Runtime, scene: Scene, surfels: Surfels, length: float = 1.0) -> SurfelHits:
+    return SurfelHits(SurfelPoints(runtime, scene, surfels), length)
 
 
 def rays_of(runtime: Runtime, scene: Scene, count: int) -> tuple[Surfels, SurfelRays]:
     surfels = scene_surfels(scene, count)
-    return surfels, SurfelRays(SurfelPoints(runtime, scene, surfels), cells_of(surfels, scene))
+    return surfels, SurfelRays(hits_of(runtime, scene, surfels), cells_of(runtime, surfels, scene))
 
 
 def floor_parts(surfels: Surfels) -> tuple[NDArray[np.bool_], Doubles]:
@@ -200,8 +206,8 @@ def test_bounces_are_those_of_float64(variant_runtime: Runtime, rng: np.random.G
     pieces = rng.uniform(-0.7, 0.7, (12, 1, 3)) + rng.uniform(-0.3, 0.3, (12, 3, 3))
     scene = meshed((pieces + SHIFT).reshape(-1, 3), np.arange(36).reshape(-1, 3), (DARK,))
     surfels = scene_surfels(scene, 16)
-    cells = cells_of(surfels, scene)
-    rays = SurfelRays(SurfelPoints(variant_runtime, scene, surfels), cells)
+    cells = cells_of(variant_runtime, surfels, scene)
+    rays = SurfelRays(hits_of(variant_runtime, scene, surfels), cells)
     areas = cells.light(np.zeros((len(surfels.part_area), 3)))
     light = LightVolume(areas.cells, areas.records.copy(), areas.low, areas.extent)
     light.records[..., :3] = rng.uniform(0.0, 1.0, (*light.records.shape[:2], 3))
@@ -234,7 +240,7 @@ def test_parts_in_a_narrow_gap_are_hardly_open(runtime: Runtime) -> None:
     surfels = scene_surfels(scene, 2048)
     floor, place = floor_parts(surfels)
     for length in (1.5 * gap, 3.0 * gap):
-        found = open_shares(SurfelPoints(runtime, scene, surfels), length)
+        found = hits_of(runtime, scene, surfels, length).far
         inside = floor & (np.abs(place[:, [0, 2]]).max(axis=1) < 0.5 - length)
         # The cosine of rays between parallel surfaces that go farther is below gap / length.
         assert found[inside].mean() == pytest.approx((gap / length) ** 2, abs=0.02)
@@ -244,7 +250,7 @@ def test_parts_in_a_narrow_gap_are_hardly_open(runtime: Runtime) -> None:
 
 def test_at_the_foot_of_a_wall_half_of_the_hemisphere_is_open(runtime: Runtime) -> None:
     surfels = scene_surfels(box(0.5), 512)
-    found = open_shares(SurfelPoints(runtime, box(0.5), surfels), 0.2)
+    found = hits_of(runtime, box(0.5), surfels, 0.2).far
     place = np.sort(1.0 - np.abs(surfels.part_position + surfels.origin), axis=1)
     inside = np.sum(surfels.part_normal * (surfels.part_position + surfels.origin), axis=1) < 0.0
     assert (found[inside & (place[:, 1] > 0.21)] == 1.0).all()
@@ -255,7 +261,7 @@ def test_at_the_foot_of_a_wall_half_of_the_hemisphere_is_open(runtime: Runtime) 
 
 def test_the_inside_of_a_box_is_seen_and_its_outside_is_not(runtime: Runtime) -> None:
     surfels = scene_surfels(box(0.5), 512)
-    found = seen_parts(SurfelPoints(runtime, box(0.5), surfels))
+    found = hits_of(runtime, box(0.5), surfels).seen
     inside = np.sum(surfels.part_normal * (surfels.part_position + surfels.origin), axis=1) < 0.0
     assert 0.4 < inside.mean() < 0.6
     np.testing.assert_array_equal(found, inside)

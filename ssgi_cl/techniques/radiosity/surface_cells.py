@@ -83,7 +83,7 @@ class SurfaceCells:
     """The cells of a cube that surfaces lie in, and which sides they face there.
 
     Where a cell has no surface that faces a side, the nearest within `NEAR` that has counts, as seen from the side that
-    its own face, as if it were `FAINT` of the cell's side; where none has, that side is black.
+    its own face and not behind these, as if it were `FAINT` of the cell's side. Where none has, that side is black.
 
     Args:
         runtime: the device, which finds those.
@@ -273,7 +273,8 @@ class _RecordGrid:
         self._number[divided] = -1 - np.arange(len(divided))
         self._there = there
         # What is on one side of a plane looks for surfaces from there.
-        self._aside: Doubles = np.stack(np.unravel_index(self.place, _SHAPE))[::-1].T + np.float64(0.5)
+        self._middle: Doubles = np.stack(np.unravel_index(self.place, _SHAPE))[::-1].T + np.float64(0.5)
+        self._aside: Doubles = self._middle.copy()
         for side, way in enumerate((1.0, -1.0)):
             self._aside[side : 2 * len(divided) : 2] += way * planes[:, :3]
 
@@ -300,8 +301,9 @@ class _RecordGrid:
         return found
 
     def lenders(self, runtime: Runtime, known: NDArray[np.bool_], within: float) -> NDArray[np.int32]:
-        """Return [records, FACES] the nearest record on the same side of planes that stands for one without surfaces
-        that face a side; -1 for those that have some, or if there is none. Waits for the device.
+        """Return [records, FACES] the nearest record on the same side of planes, and not behind its own surfaces, that
+        stands for one without surfaces that face a side; -1 for those that have some, or if there is none. Waits for
+        the device.
 
         Args:
             runtime: the device.
@@ -310,8 +312,8 @@ class _RecordGrid:
         """
         count = len(known)
         stride = max(-(-count // ROW) * ROW, ROW)
-        places = np.zeros((3, stride), np.float32)
-        places[:, :count] = self._aside.T
+        places, ways = np.zeros((3, stride), np.float32), np.zeros((3, stride), np.float32)
+        places[:, :count], ways[:, :count] = self._aside.T, (self._aside - self._middle).T
         sides = 1 << np.arange(FACES, dtype=np.int32)
         wanted = np.zeros(stride, np.int32)
         wanted[:count] = (~known) @ sides
@@ -321,6 +323,7 @@ class _RecordGrid:
         runtime.kernel("radiosity/radiosity_lend.cl").run(
             (1, stride),
             places=runtime.array(places),
+            ways=runtime.array(ways),
             wanted=runtime.array(wanted),
             cells=runtime.array(np.concatenate([cells, self.planes.astype(np.float32).view(np.int32).ravel()])),
             known=runtime.array(np.append(known @ sides, np.int32(0)).astype(np.int32)),

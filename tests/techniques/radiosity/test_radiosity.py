@@ -442,14 +442,15 @@ def test_no_light_passes_a_wall_within_a_cell(runtime: Runtime, right: float) ->
     found = []
     for emission in (4.0, 4e-6):  # so that both rooms have surfels
         scene = two_rooms(emission, right=right)
-        made = solved(runtime, scene, (spot,), surfels=2048)
+        # Series that end where .2 % of all light is left end earlier beside a bright room.
+        made = solved(runtime, scene, (spot,), surfels=2048, bounces=40)
         surfels = made.surfels
         across = (surfels.part_position + scene.origin + 0.01 * surfels.part_normal)[:, 0].reshape(-1, PARTS)
         light = surfels.area * made.irradiance[:, 0]
         # Some have parts in both rooms, and so have the mean of their light.
         found.append((light[(across > 0.0).all(axis=1)].sum(), light[(across < 0.0).all(axis=1)].sum()))
     assert found[0][1] > 200.0 * found[0][0]
-    assert found[0][0] == pytest.approx(found[1][0], rel=1e-3)
+    assert found[0][0] == pytest.approx(found[1][0], rel=1e-6)
 
 
 def test_a_light_that_moves_to_another_room_takes_the_surfels_along(runtime: Runtime) -> None:

@@ -109,6 +109,7 @@ def test_surfaces_lend_as_nearest_first_searched_by_brute_force(runtime: Runtime
         for number, cell in enumerate(place):
             record = at(volume, *cell.tolist())
             away = np.linalg.norm(place - (cell + normal[number]), axis=1)
+            away[(place - cell) @ normal[number] < 0.0] = np.inf  # what is behind may be beyond a wall
             for face in range(6):
                 there = (2 * axis + (sign < 0.0) == face) & (away <= within + 1e-9)
                 if face == 2 * axis[number] + (sign[number] < 0.0):
@@ -126,6 +127,14 @@ def test_a_wall_looks_for_surfaces_before_it(runtime: Runtime, way: int) -> None
     places, normals = [centre(10, 5, 6), centre(9, 5, 6), centre(11, 5, 6)], [[way, 0, 0], [0, -1, 0], [0, -1, 0]]
     volume = volume_of(runtime, light(places, normals, [1e-3] * 3, [0.0, math.pi, 3 * math.pi]))
     np.testing.assert_allclose(at(volume, 10, 5, 6)[3, :3], 2.0 + way)
+
+
+def test_a_wall_takes_no_light_from_beyond_it(runtime: Runtime) -> None:
+    """The rim of a picture on a wall, in a cell without a part of it, and a bright ceiling behind the wall."""
+    places, normals = [centre(10, 5, 6), centre(9, 5, 6)], [[1, 0, 0], [0, -1, 0]]
+    volume = volume_of(runtime, light(places, normals, [1e-3] * 2, [0.0, math.pi]))
+    np.testing.assert_array_equal(at(volume, 10, 5, 6)[3, :3], 0.0)
+    np.testing.assert_allclose(at(volume, 9, 5, 6)[3, :3], 1.0)
 
 
 def test_a_slanted_surface_counts_for_the_sides_that_it_faces(runtime: Runtime) -> None:

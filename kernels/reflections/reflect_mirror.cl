@@ -156,21 +156,20 @@ reflect_mirror(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo, ssgi_pla
                 rays_away(triangles, t, wx, wy, wz, away);
                 const vfloat qx = away[0], qy = away[1], qz = away[2];
                 const vfloat scale = v_splat(params.per_cell * params.per_unit);
-                const VolumePlace place =
-                    volume_surface(cells, volume,
-                                   v_fma(params.xx * hx + params.xy * hy + params.xz * hz, scale,
-                                         v_splat(params.cell_x)),
-                                   v_fma(params.yx * hx + params.yy * hy + params.yz * hz, scale,
-                                         v_splat(params.cell_y)),
-                                   v_fma(params.zx * hx + params.zy * hy + params.zz * hz, scale,
-                                         v_splat(params.cell_z)),
-                                   qx, qy, qz);
+                volume_smooth(cells, volume,
+                              v_fma(params.xx * hx + params.xy * hy + params.xz * hz, scale,
+                                    v_splat(params.cell_x)),
+                              v_fma(params.yx * hx + params.yy * hy + params.yz * hz, scale,
+                                    v_splat(params.cell_y)),
+                              v_fma(params.zx * hx + params.zy * hy + params.zz * hz, scale,
+                                    v_splat(params.cell_z)),
+                              qx, qy, qz, sent);
                 ux = v_select(ux, -(params.xx * qx + params.yx * qy + params.zx * qz), hidden);
                 uy = v_select(uy, -(params.xy * qx + params.yy * qy + params.zy * qz), hidden);
                 uz = v_select(uz, -(params.xz * qx + params.yz * qy + params.zz * qz), hidden);
                 const vfloat matt = v_select(v_splat(1.0f), v_gather(surfaces, own + 7), smooth);
                 for (int c = 0; c < 3; ++c) {
-                    sent[c] = volume_radiance(volume, place, c) * matt;
+                    sent[c] = sent[c] * matt;
                 }
                 glows = hidden & v_gt(v_gather(surfaces, own + 3), zero);
             }

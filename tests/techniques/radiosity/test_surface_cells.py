@@ -224,6 +224,21 @@ def test_planes_that_do_not_part_what_is_hidden_divide_nothing(runtime: Runtime)
         assert len(SurfaceCells(runtime, lit[0], LOW, EXTENT, planes=planes).light(lit[1]).planes) == count
 
 
+def test_pieces_look_at_that_of_a_cell_beside_which_counts_most(runtime: Runtime) -> None:
+    places = [centre(8, 5, 6), centre(8, 5, 6), centre(9, 5, 6), centre(9, 5, 6), centre(9, 6, 6)]
+    lit = light(places, [[0, 1, 0]] * 5, [0.001, 0.002, 0.001, 0.003, 0.001], [1.0] * 5)
+    looked: list[list[int]] = []
+
+    def planes(partner: NDArray[np.intp], _: float) -> Doubles:
+        looked.append(partner.tolist())
+        return np.zeros((5, 4))
+
+    SurfaceCells(runtime, lit[0], LOW, EXTENT, planes=planes)
+    # At the heaviest of its own cell; of the cells at +x, -x, +y, -y, +z and -z, and itself where none is there.
+    assert looked[0] == [1, 1, 3, 3, 4]
+    assert looked[1:] == [[3, 3, 2, 3, 4], [0, 1, 1, 1, 4], [0, 1, 4, 4, 4], [0, 1, 2, 3, 3], *[[0, 1, 2, 3, 4]] * 2]
+
+
 def test_without_surfaces_it_is_black(runtime: Runtime) -> None:
     volume = SurfaceCells(runtime, Pieces.none(), LOW, EXTENT).light(np.zeros((0, 3)))
     assert (volume.records[..., :3] == 0.0).all()

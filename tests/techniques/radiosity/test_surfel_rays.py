@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -265,3 +266,26 @@ def test_the_inside_of_a_box_is_seen_and_its_outside_is_not(runtime: Runtime) ->
     inside = np.sum(surfels.part_normal * (surfels.part_position + surfels.origin), axis=1) < 0.0
     assert 0.4 < inside.mean() < 0.6
     np.testing.assert_array_equal(found, inside)
+
+
+def test_a_part_is_seen_if_any_of_its_rays_meets_a_surface(runtime: Runtime) -> None:
+    """Floor below a plate above its middle: next to no part has only rays that meet it."""
+    scene = quads(FLOOR, ((-0.5, 0.5, -0.5), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)))
+    surfels = scene_surfels(scene, 512)
+    hits = hits_of(runtime, scene, surfels, 100.0)
+    floor, place = floor_parts(surfels)
+    below = floor & (np.abs(place[:, [0, 2]]).max(axis=1) < 0.6)
+    assert (hits.far[below] > 0.0).all()
+    assert hits.seen[below].all()
+    # From the plate's upper side, and from below the floor, nothing is seen.
+    assert not hits.seen[(surfels.part_normal[:, 1] > 0.5) & ~floor].any()
+    assert not hits.seen[(surfels.part_normal[:, 1] < -0.5) & (np.abs(place[:, 1]) < 1e-3)].any()
+
+
+def test_colours_of_vertices_dim_what_surfels_reflect() -> None:
+    scene = box(0.5)
+    colors = np.random.default_rng(1).uniform(0.2, 0.9, scene.colors.shape).astype(np.float32)
+    surfels = scene_surfels(replace(scene, colors=colors), 64)
+    wanted = np.einsum("nk,nkc->nc", surfels.part_weights, colors[scene.triangles[surfels.part_triangle]])
+    np.testing.assert_allclose(surfels.part_albedo, 0.5 * wanted, rtol=1e-6)
+    np.testing.assert_allclose(scene_surfels(scene, 64).part_albedo, 0.5)

@@ -48,8 +48,12 @@ class LightVolume:
 
 def device_volume(runtime: Runtime, volume: LightVolume) -> tuple[DeviceArray, DeviceArray]:
     """Return the cells and records of a volume in device memory, as kernels/radiosity/volume.clh reads them."""
-    planes = volume.planes.view(np.int32).ravel()
-    return runtime.array(np.concatenate([volume.cells.ravel(), planes])), runtime.array(volume.records.ravel())
+    return device_cells(runtime, volume.cells, volume.planes), runtime.array(volume.records.ravel())
+
+
+def device_cells(runtime: Runtime, cells: NDArray[np.int32], planes: NDArray[np.float32]) -> DeviceArray:
+    """Return cells and the planes that divide them likewise, without records."""
+    return runtime.array(np.concatenate([cells.ravel(), planes.view(np.int32).ravel()]))
 
 
 def cells_at(place: Doubles) -> NDArray[np.intp]:

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ssgi_cl.device.runtime import Runtime
-from ssgi_cl.techniques.radiosity.light_volume import CELLS, FACES, LightVolume, cells_at
+from ssgi_cl.techniques.radiosity.light_volume import CELLS, FACES, LightVolume, cells_at, device_cells
 from ssgi_cl.techniques.radiosity.surfels import Surfels, facing_axis
-from ssgi_cl.techniques.radiosity.triangle_rays import ROW
+from ssgi_cl.techniques.radiosity.triangle_rays import row_length
 
 Doubles = NDArray[np.float64]
 
@@ -134,8 +134,8 @@ class SurfaceCells:
         black = _Slots.of(self._records(others, dark), dark.normal).sums(dark.area, count)
         area = slots.sums(lit.area, count)
         facing = slots.sums(np.where(seen, lit.area, 0.0), count)
-        known = facing > LEAST_SEEN * area.max(axis=0, initial=0.0)
-        area = np.where(area > LEAST_SEEN * area.max(axis=0, initial=0.0), area, black)
+        least = LEAST_SEEN * area.max(axis=0, initial=0.0)
+        known, area = facing > least, np.where(area > least, area, black)
         # Slots are numbered record by record.
         self._near = np.arange(count * FACES).reshape(-1, FACES)
         width = math.sqrt(float(lit.area.max(initial=0.0))) / self.side
@@ -272,8 +272,8 @@ class _RecordGrid:
         self._number = (2 * len(divided) - 1 + np.cumsum(whole)).astype(np.int32)
         self._number[divided] = -1 - np.arange(len(divided))
         self._there = there
-        # What is on one side of a plane looks for surfaces from there.
         self._middle: Doubles = np.stack(np.unravel_index(self.place, _SHAPE))[::-1].T + np.float64(0.5)
+        # What is on one side of a plane looks for surfaces from there.
         self._aside: Doubles = self._middle.copy()
         for side, way in enumerate((1.0, -1.0)):
             self._aside[side : 2 * len(divided) : 2] += way * planes[:, :3]
@@ -311,7 +311,7 @@ class _RecordGrid:
             within: cells.
         """
         count = len(known)
-        stride = max(-(-count // ROW) * ROW, ROW)
+        stride = row_length(count)
         places, ways = np.zeros((3, stride), np.float32), np.zeros((3, stride), np.float32)
         places[:, :count], ways[:, :count] = self._aside.T, (self._aside - self._middle).T
         sides = 1 << np.arange(FACES, dtype=np.int32)
@@ -325,7 +325,7 @@ class _RecordGrid:
             places=runtime.array(places),
             ways=runtime.array(ways),
             wanted=runtime.array(wanted),
-            cells=runtime.array(np.concatenate([cells, self.planes.astype(np.float32).view(np.int32).ravel()])),
+            cells=device_cells(runtime, cells, self.planes.astype(np.float32)),
             known=runtime.array(np.append(known @ sides, np.int32(0)).astype(np.int32)),
             steps=runtime.array(steps),
             lender=lender,

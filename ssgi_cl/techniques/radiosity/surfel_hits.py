@@ -91,10 +91,10 @@ class SurfelHits:
                 lift=self.lift,
                 near=0.0 if more is None else more.near**2,
             )
-        self.far = far.download()[: points.count].astype(np.float64)
+        self.far: Doubles = points.of_parts(far)[:, 0]
         rays = self.met.download().reshape(RAYS, stride)[:, : points.count]
         self.seen: NDArray[np.bool_] = rays.max(axis=0) >= 0
-        emitted = found.download().reshape(3, stride)[:, : points.count].T * brightest
+        emitted = points.of_parts(found) * brightest
         self.emitted: Doubles = emitted if more is None else emitted + more.received
 
     def _sending(self) -> tuple[Doubles, Doubles]:

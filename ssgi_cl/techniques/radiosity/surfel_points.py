@@ -12,11 +12,12 @@ from ssgi_cl.core.hemisphere import TILE
 from ssgi_cl.core.sampling import r_points
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.core.vpls import Vpls
+from ssgi_cl.device.arrays import DeviceArray
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.raster.scene_bvh import scene_bvh
 from ssgi_cl.techniques.radiosity.surface_cells import Planes
 from ssgi_cl.techniques.radiosity.surfels import Surfels
-from ssgi_cl.techniques.radiosity.triangle_rays import ROW
+from ssgi_cl.techniques.radiosity.triangle_rays import row_length
 
 Doubles = NDArray[np.float64]
 
@@ -84,7 +85,7 @@ class SurfelPoints:
         runtime, scene, surfels, sources: as given.
         count: of parts.
         numbers: [points] by which points have their rays: those of parts, then of sources and others.
-        array: the points, of which there are a multiple of `ROW`.
+        array: the points, as many as `row_length` says.
     """
 
     def __init__(self, runtime: Runtime, scene: Scene, surfels: Surfels, sources: Sources | None = None) -> None:
@@ -92,7 +93,7 @@ class SurfelPoints:
         self.count = count = len(surfels.part_area)
         self.sources = sources
         total = count + (0 if sources is None else len(sources.area))
-        self.numbers = number = np.arange(-(-total // ROW) * ROW)
+        self.numbers = number = np.arange(row_length(total))
         number[:count] = surfels.part_number
         points = np.zeros((9, len(number)), np.float32)
         points[5] = 1.0
@@ -114,6 +115,10 @@ class SurfelPoints:
         """Return [points, dimensions] places in [0, 1), even for any parts."""
         return r_points(0, int(self.numbers.max()) + 1, dimensions)[self.numbers]
 
+    def of_parts(self, rows: DeviceArray) -> Doubles:
+        """Return [parts, n] what a kernel has written for points, n rows of them. Waits for the device."""
+        return rows.download().reshape(-1, len(self))[:, : self.count].T.astype(np.float64)
+
 
 def hiding_planes(points: SurfelPoints) -> Planes:
     """Return what finds the planes of what hides parts of surfels from others; each call waits for the device."""
@@ -132,7 +137,7 @@ def hiding_planes(points: SurfelPoints) -> Planes:
             planes=planes,
             lift=lift,
         )
-        result = planes.download().reshape(4, stride)[:, : len(partners)].T.astype(np.float64)
+        result = points.of_parts(planes)
         result[:, 3] += result[:, :3] @ np.asarray(scene.origin)
         return result
 

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from ssgi_cl.core.lights import DirectionalLight, PunctualLight, SpotLight, light_extent
 from ssgi_cl.device.constants import DIRECT_LIGHT
 from ssgi_cl.rasterize.raster.scene_bvh import scene_bvh
-from ssgi_cl.techniques.occupancy.scene_rays import LIFT
 from ssgi_cl.techniques.radiosity.light_volume import LightVolume, device_volume
 from ssgi_cl.techniques.radiosity.surface_cells import SurfaceCells
 from ssgi_cl.techniques.radiosity.surfel_hits import RAYS, SurfelHits
@@ -49,7 +48,7 @@ class SurfelRays:
         self._places = runtime.empty(RAYS * 3 * stride, np.int32)
         self._shares = runtime.empty(RAYS * 2 * stride, np.float32)
         self._found = runtime.empty(3 * stride, np.float32)
-        self._ways = hits.ways
+        self._ways, self._lift = hits.ways, hits.lift
         areas = cells.light(np.zeros((hits.points.count, 3)))
         in_cells, self._volume = device_volume(runtime, areas)
         first = (np.asarray(scene.origin) - areas.low) / areas.side
@@ -91,10 +90,10 @@ class SurfelRays:
             triangles=self._bvh.triangles,
             irradiance=self._found,
             count=len(lights),
-            lift=LIFT * self._unit,
+            lift=self._lift,
             unit=self._unit,
         )
-        return self._of_parts() * brightest
+        return self._points.of_parts(self._found) * brightest
 
     def sky(self, sky: SkyLevels) -> Doubles:
         """Return irradiance [parts, 3] in W/m^2 by environments, along the rays that escape. Waits for the device."""
@@ -112,7 +111,7 @@ class SurfelRays:
             texels_per_angle=sky.texels_per_angle,
             levels=sky.count,
         )
-        return self._of_parts()
+        return self._points.of_parts(self._found)
 
     def bounce(self, light: LightVolume) -> Doubles:
         """Return irradiance [parts, 3] in W/m^2 by the light of surfaces. Waits for the device.
@@ -129,7 +128,7 @@ class SurfelRays:
             received=self._found,
             rays=RAYS,
         )
-        return self._of_parts()
+        return self._points.of_parts(self._found)
 
     def _light(self, light: PunctualLight) -> list[float]:
         """Return a light as kernels/radiosity/radiosity_direct.cl reads it."""
@@ -141,6 +140,3 @@ class SurfelRays:
             axis, cosine = np.asarray(light.direction) / np.linalg.norm(light.direction), math.cos(light.cone_angle)
         sent = np.broadcast_to(light.intensity, 3) / self._unit**2
         return [*(np.asarray(light.position) - self._scene.origin), 0.0, *axis, cosine, light.radius, *sent]
-
-    def _of_parts(self) -> Doubles:
-        return self._found.download().reshape(3, self._stride)[:, : self._points.count].T.astype(np.float64)

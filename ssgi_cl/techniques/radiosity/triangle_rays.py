@@ -39,10 +39,15 @@ def scattered(normal: Doubles, places: Doubles) -> Doubles:
     return way
 
 
+def row_length(count: int) -> int:
+    """Return how many places rows of so many points have: a multiple of `ROW`, more than 0."""
+    return max(-(-count // ROW) * ROW, ROW)
+
+
 def point_rows(position: Doubles, direction: Doubles) -> NDArray[np.float32]:
     """Return points [n, 3] with normals or other directions as in kernels/radiosity/points.clh, [9, n or more]."""
     count = len(position)
-    rows = np.zeros((9, max(-(-count // ROW) * ROW, ROW)), np.float32)
+    rows = np.zeros((9, row_length(count)), np.float32)
     rows[5] = 1.0
     rows[:3, :count], rows[3:6, :count] = position.T, direction.T
     return rows

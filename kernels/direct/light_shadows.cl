@@ -61,7 +61,7 @@ __kernel void light_shadows(ssgi_plane depth, ssgi_plane normal,
     const LightReceiver receiver = light_receiver(depth, normal, whole, at_x, at_y, camera, light);
     const vfloat px = receiver.x, py = receiver.y, z = -receiver.z;
     const vfloat nx = receiver.nx, ny = receiver.ny, nz = receiver.nz;
-    const LightAt punctual_light = light_at(light, &receiver);
+    const LightAt punctual_light = light_at(light, &receiver, camera);
     const vmask lit = receiver.there & v_gt(punctual_light.strength, zero);
     vfloat shadow = zero;
     if (v_any(lit)) {

@@ -70,7 +70,7 @@ __kernel void shade_light(ssgi_plane depth, ssgi_plane normal,
         return;
     }
     const LightReceiver receiver = light_receiver(depth, normal, whole, at_x, at_y, camera, light);
-    const LightAt at = light_at(light, &receiver);
+    const LightAt at = light_at(light, &receiver, camera);
     const vfloat unhidden = at.strength;
     vmask lit = counts & v_gt(unhidden, zero);
 #if SHADE_SHADOW

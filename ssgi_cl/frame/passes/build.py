@@ -102,7 +102,12 @@ class Build:
     @cached_property
     def shade(self) -> Shade:
         """Direct light and the sum of all light."""
-        return Shade(self.runtime, self.size, punctual_lights=self.layer or self.params.kind != "ssdo")
+        return Shade(
+            self.runtime,
+            self.size,
+            punctual_lights=self.layer or self.params.kind != "ssdo",
+            smooth=self.params.edge_places > 0,
+        )
 
     @cached_property
     def ssdo(self) -> Ssdo | None:

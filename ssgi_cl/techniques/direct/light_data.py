@@ -34,7 +34,7 @@ LIGHT = Struct(
         *floats("direction_x", "direction_y", "direction_z"),
         *floats("least_cosine", "facing", "red", "green", "blue", "extent"),
         *floats(*ROTATION, "shift_x", "shift_y", "shift_z"),
-        *ints("map_size", "margin_columns", "margin_rows", "layer", "blocks", "crops", "facets"),
+        *ints("map_size", "margin_columns", "margin_rows", "layer", "blocks", "crops", "facets", "smooth"),
     ),
 )
 
@@ -91,11 +91,14 @@ class PunctualLights:
         size: (rows, columns) of the images.
         kept: whether results are in memory of its own; else each lives as long as somebody refers
             to it.
+        smooth: whether a pixel at the edge of a spot light's cone has the share of its light that
+            falls onto the pixel's square; else its centre tells.
     """
 
-    def __init__(self, runtime: Runtime, size: Size, *, kept: bool = True) -> None:
+    def __init__(self, runtime: Runtime, size: Size, *, kept: bool = True, smooth: bool = False) -> None:
         self.runtime = runtime
         self.size = size
+        self.smooth = smooth
         self._irradiance = Target(runtime, 3, size, kept=kept)
 
     def run(
@@ -187,6 +190,7 @@ class PunctualLights:
                     "blocks": int(blocks is not None),
                     "crops": len(shadow.crops) if shadow else 0,
                     "facets": int(shadow is not None and shadow.is_fitted and gbuffer.has_facets),
+                    "smooth": int(self.smooth),
                 }
             ),
         )
@@ -252,4 +256,5 @@ def light_values(light: PunctualLight, camera: Camera, light_camera: Camera, gbu
         "blocks": 0,
         "crops": 0,
         "facets": 0,
+        "smooth": 0,
     }

@@ -53,15 +53,23 @@ class Shade(Prepared[ShadeParams]):
         size: (rows, columns) of the images.
         params: see `ShadeParams`.
         punctual_lights: whether `light` will be called.
+        smooth: see `PunctualLights`.
     """
 
     def __init__(
-        self, runtime: Runtime, size: Size, params: ShadeParams | None = None, *, punctual_lights: bool = True
+        self,
+        runtime: Runtime,
+        size: Size,
+        params: ShadeParams | None = None,
+        *,
+        punctual_lights: bool = True,
+        smooth: bool = False,
     ) -> None:
         self.runtime = runtime
         self.size = size
         self._params = params or ShadeParams()
-        self._punctual_lights = PunctualLights(runtime, size) if punctual_lights else None
+        self._smooth = smooth
+        self._punctual_lights = PunctualLights(runtime, size, smooth=smooth) if punctual_lights else None
         self._radiance = runtime.plane(3, size)
         self._ambient = Ambient(runtime)
         self._sky = runtime.array(np.zeros(3, np.float32))
@@ -108,7 +116,7 @@ class Shade(Prepared[ShadeParams]):
         self, gbuffer: DeviceGBuffer, lights: Sequence[Light], *, shadows: Sequence[ShadowMap | None] | None = None
     ) -> Plane | None:
         """Queue the passes of lights; return the plane of their irradiance, None if none shines."""
-        self._punctual_lights = self._punctual_lights or PunctualLights(self.runtime, self.size)
+        self._punctual_lights = self._punctual_lights or PunctualLights(self.runtime, self.size, smooth=self._smooth)
         return self._punctual_lights.run(gbuffer, lights, shadows=shadows)
 
     def combine(

@@ -1,32 +1,37 @@
 // SPDX-License-Identifier: MIT
 // sampled_depth: the depth that each of many small orthographic views sees, all at once.
 //
-// Method:  every triangle is brought to every view, a lane each; few have the middle of a texel in
-//          their box. Of those, small ones are drawn side by side, a triangle a lane, and the
-//          others one by one, a texel a lane. Edge functions (Pineda 1988) of corners relative to
-//          the texel change sign exactly where two triangles share an edge.
-// Reads:   triangles  [9][stride] corners, relative to the scene's origin; of triangles with holes,
-//                     which sampled_cutouts draws, all three the same; with SAMPLED_CULL a tenth
-//                     row, 1 where the back is not there
+// Method:  runs of SAMPLED_RUN triangles are brought to every view, a box a lane, and the triangles
+//          of those whose box has the middle of a texel, a triangle a lane. Of the few that have
+//          one themselves, small ones are drawn side by side, a triangle a lane, and the others one
+//          by one, a texel a lane. Edge functions (Pineda 1988) of corners relative to the texel
+//          change sign exactly where two triangles share an edge.
+// Reads:   boxes      [runs][6] middle and half size of a box round the triangles of a run
+//          triangles  [9][stride] corners, relative to the scene's origin; of triangles with holes,
+//                     which sampled_cutouts draws, all three the same
+//          corners    4 x [stride], of which the last is 1 where the back is not there
 //          views      [views][12] rows of the matrix to (column, row, depth) of the map, depth > 0
 // Writes:  maps       [views][texels][texels] bits of the least depth, INFINITY where nothing is;
 //                     the least is the same in any order
-// Macros:  SAMPLED_BATCH: triangles of a work-item, a multiple of the lanes; SAMPLED_CULL: 1 where
-//          triangles may lack their back
+// Macros:  SAMPLED_RUN: triangles that share a box, SAMPLED_BATCH: of a work-item; multiples of the
+//          lanes, and SAMPLED_BATCH / SAMPLED_RUN too; SAMPLED_CULL: 1 where triangles may lack
+//          their back
 // Params:  size = (views, batches); number of triangles, texels along a map's side, views of a
 //          work-item
 // Launch:  one row for each batch and a column for each `each` views; with SSGI_LANES > 1 one row
 //          in all, so that a map has one work-item that writes it and no store is atomic
-// Cost:    90 operations per triangle and view; 30 per SSGI_LANES texels or small triangles
+// Cost:    60 operations per box and view, 90 per triangle of those that have a texel; 30 per
+//          SSGI_LANES texels or small triangles
 
 #include "common/lanes.clh"
 #include "sampled_lights/cover.clh"
 
-#if !defined(SAMPLED_BATCH) || !defined(SAMPLED_CULL)
-#error "SAMPLED_BATCH and SAMPLED_CULL must be defined by the host"
+#if !defined(SAMPLED_BATCH) || !defined(SAMPLED_RUN) || !defined(SAMPLED_CULL)
+#error "SAMPLED_BATCH, SAMPLED_RUN and SAMPLED_CULL must be defined by the host"
 #endif
 
-#define SAMPLED_SMALL 24.0f // texels of a box up to which triangles are drawn side by side
+#define SAMPLED_SMALL 12.0f    // texels of a box up to which triangles are drawn side by side
+#define SAMPLED_BOX_ROOM 8e-3f // texels by which boxes of runs are widened, as SAMPLED_ROOM
 
 typedef struct {
     float x[3], y[3], z[3];
@@ -107,13 +112,12 @@ static inline void sampled_draw_small(const vfloat x[3], const vfloat y[3], cons
     }
 }
 
-// The triangles of a batch from `first` on in one view, whose matrix is `m`.
-static inline void sampled_batch(__global const float *restrict triangles,
-                                 __global const float *restrict m, __global int *restrict map,
-                                 const int first, const int count, const int texels)
+// The triangles of a run from `first` on, up to `end`, in one view, whose matrix is `m`.
+static inline void sampled_run(__global const float *restrict triangles,
+                               __global const int *restrict corners,
+                               __global const float *restrict m, __global int *restrict map,
+                               const int first, const int end, const int stride, const int texels)
 {
-    const int stride = (count + 15) & ~15;
-    const int end = min(first + SAMPLED_BATCH, count);
     const float last = (float)(texels - 1);
     for (int i = first; i < end; i += SSGI_LANES) {
         vfloat x[3], y[3], z[3];
@@ -136,7 +140,7 @@ static inline void sampled_batch(__global const float *restrict triangles,
             v_le(from_x, to_x) & v_le(from_y, to_y) & v_ilt(v_iota() + i, v_splat_int(end));
 #if SAMPLED_CULL
         wanted = wanted &
-                 ~(sampled_back(x, y) & v_gt(v_load(triangles + 9 * stride + i), v_splat(0.0f)));
+                 ~(sampled_back(x, y) & v_igt(v_iload(corners + 3 * stride + i), v_splat_int(0)));
 #endif
         if (!v_any(wanted)) {
             continue;
@@ -178,15 +182,70 @@ static inline void sampled_batch(__global const float *restrict triangles,
     }
 }
 
-__kernel void sampled_depth(__global const float *restrict triangles,
+// Where boxes may have the middle of a texel along an axis, whose row of the matrix is `m`.
+static inline vmask sampled_reaches(__global const float *restrict m, const vfloat box[6],
+                                    const int texels)
+{
+    const vfloat middle = sampled_row(m, box[0], box[1], box[2]);
+    const vfloat half_size =
+        v_fma(box[3], v_splat(fabs(m[0])),
+              v_fma(box[4], v_splat(fabs(m[1])), box[5] * v_splat(fabs(m[2]))));
+    const vfloat low =
+        v_max(-v_floor(0.5f + SAMPLED_BOX_ROOM - (middle - half_size)), v_splat(0.0f));
+    const vfloat high = v_min(v_floor(middle + half_size - (0.5f - SAMPLED_BOX_ROOM)),
+                              v_splat((float)(texels - 1)));
+    return v_le(low, high);
+}
+
+// The triangles of a batch from `first` on in some views.
+static inline void sampled_batch(__global const float *restrict boxes,
+                                 __global const float *restrict triangles,
+                                 __global const int *restrict corners,
+                                 __global const float *restrict views, __global int *restrict maps,
+                                 const int first, const int count, const int texels, const int view,
+                                 const int end_view)
+{
+    const int stride = (count + 15) & ~15;
+    const int runs = (count + SAMPLED_RUN - 1) / SAMPLED_RUN;
+    const int begin = first / SAMPLED_RUN;
+    const int end = min(begin + SAMPLED_BATCH / SAMPLED_RUN, runs);
+    for (int run = begin; run < end; run += SSGI_LANES) {
+        const vint number = v_iota() + run;
+        const vmask there = v_ilt(number, v_splat_int(end));
+        const vint at = v_imin(number, v_splat_int(runs - 1)) * 6;
+        vfloat box[6];
+        for (int i = 0; i < 6; ++i) {
+            box[i] = v_gather(boxes + i, at);
+        }
+        for (int i = view; i < end_view; ++i) {
+            __global const float *restrict m = views + i * 12;
+            const vmask wanted =
+                there & sampled_reaches(m, box, texels) & sampled_reaches(m + 4, box, texels);
+            if (!v_any(wanted)) {
+                continue;
+            }
+            int want[SSGI_LANES];
+            v_ikeep(wanted, want);
+            for (int lane = 0; lane < SSGI_LANES; ++lane) {
+                if (want[lane]) {
+                    const int own = (run + lane) * SAMPLED_RUN;
+                    sampled_run(triangles, corners, m, maps + i * texels * texels, own,
+                                min(own + SAMPLED_RUN, count), stride, texels);
+                }
+            }
+        }
+    }
+}
+
+__kernel void sampled_depth(__global const float *restrict boxes,
+                            __global const float *restrict triangles,
+                            __global const int *restrict corners,
                             __global const float *restrict views, __global int *restrict maps,
                             const int2 size, const int count, const int texels, const int each)
 {
     const int first = (int)get_global_id(0) * each;
     for (int batch = (int)get_global_id(1); batch < size.y; batch += (int)get_global_size(1)) {
-        for (int view = first; view < min(first + each, size.x); ++view) {
-            sampled_batch(triangles, views + view * 12, maps + view * texels * texels,
-                          batch * SAMPLED_BATCH, count, texels);
-        }
+        sampled_batch(boxes, triangles, corners, views, maps, batch * SAMPLED_BATCH, count, texels,
+                      first, min(first + each, size.x));
     }
 }

@@ -69,6 +69,14 @@ class DeviceArray:
         """As `upload`, but of a copy, which the device takes when it has done what was queued."""
         self._sent = self._copy(np.array(values, self.dtype, order="C"), wait=False)
 
+    def fill(self, value: float) -> None:
+        """Queue the pass that sets all elements to a value."""
+        self.runtime.touch()
+        size = self.count * self.dtype.itemsize
+        pattern = self.dtype.type(value)
+        event = opencl().enqueue_fill_buffer(self.runtime.queue, self.buffer, pattern, 0, size)
+        self.runtime.record("clear", event)
+
     def _copy(self, values: NDArray[Any], wait: bool) -> Any:
         if values.size > self.count:
             raise ValueError(f"values has {values.size} elements: expected at most {self.count}")

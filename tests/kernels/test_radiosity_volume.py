@@ -56,11 +56,9 @@ def expected(
             if record < 0:
                 plane = planes[-1 - record]
                 record = 2 * (-1 - record) + int(plane[:3] @ at < plane[3])
-            for axis in range(3):
-                sent = records[record, 2 * axis + int(way[axis] > 0.0)]
-                counted = counts * abs(way[axis]) * sent[3]
-                found[number] += counted * sent[:3]
-                total += counted
+            sent = records[record, 2 * faced + int(way[faced] > 0.0)]
+            found[number] += counts * sent[3] * sent[:3]
+            total += counts * sent[3]
         found[number] /= total
     return found
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,15 +27,32 @@ REACH = 1.01
 """Length of rays, in diagonals of the scene's box."""
 PLACES = 16
 """Places along a pixel's side that differ in their rays."""
-SHARES = (1.0, 0.45, 0.18, 0.042, 0.03)
-"""Parts of the rays that points of the coarsest level have, of those of the next ones, the last of all finer, whose
-values frames blur."""
 LEAST = 3
 """Rays of a point, at least."""
-OF_MANY = 0.7
-"""Part of the rays that points have among more than `MANY` triangles, where each takes several times as long. With .5,
-.7 and 1 FLIP at 400 x 300 against 256 paths is .123, .119 and .115 in `hall`, .095, .094 and .092 in `workshop`; kept
-frames take 1.05 and 1.24 times the processor time of those with .5 in `hall`, 1.07 and 1.24 times in `workshop`."""
+
+
+class Effort(NamedTuple):
+    """How much a scene's rays are worth.
+
+    Attributes:
+        shares: parts of the rays asked for that points of the coarsest level have, of those of the next ones, the last
+            of all finer, whose values frames blur.
+        between: error of interpolation allowed, in parts of that of lights. More points with fewer rays err less in the
+            same time: with 1 foots of walls had dark and light lumps.
+    """
+
+    shares: tuple[float, ...]
+    between: float
+
+
+OF_FEW = Effort((1.0, 0.45, 0.18, 0.1, 0.06), 0.15)
+"""In scenes of up to `MANY` triangles. With .3 and the last two shares .042 and .03 FLIP of `cornell_box`, `window-300`
+and `cornell_box-spot` is .0495, .0605 and .0422 in place of .0483, .0597 and .0406 (400 x 300, 256 paths), and the foot of
+the dark box has lumps; kept frames take .85 to 1 times as long."""
+OF_MANY = Effort((0.7, 0.315, 0.126, 0.0294, 0.021), 0.3)
+"""In others, where a ray takes several times as long. With .71, 1 and 1.4 times these shares FLIP at 400 x 300 against 256
+paths is .123, .119 and .115 in `hall`, .095, .094 and .092 in `workshop`; kept frames take .95 and 1.18 times the processor
+time of those with 1 in `hall`, .93 and 1.16 times in `workshop`."""
 DEALT, MOST_DEALT, MOST_RAYS = 16, 1 << 14, 256
 """Work-items of a GPU that share a point's rays, where there are no more points and rays: these would not fill it."""
 RAYS_AT_ONCE = 1 << 24
@@ -65,15 +82,17 @@ class FinalGather:
 
     Args:
         runtime: the device.
-        rays: of a point of the coarsest level, about, `LEAST` or more, `OF_MANY` of them in scenes of more than
-            `MANY` triangles (`hemisphere_ways`).
+        rays: that points have shares of, `LEAST` or more (`hemisphere_ways`).
+
+    Attributes:
+        effort: that of the scene entered.
     """
 
     def __init__(self, runtime: Runtime, rays: int) -> None:
         self.runtime = runtime
         self._rays = rays
         self._ways: dict[int, tuple[int, DeviceArray]] = {}
-        self._part = 1.0
+        self.effort = OF_FEW
         self._volume: LightVolume | None = None
         self._found: dict[int, Plane] = {}
         self._cells = self._records = runtime.array(np.zeros(1, np.float32))
@@ -83,7 +102,7 @@ class FinalGather:
         if volume is not self._volume:
             self._volume = volume
             self._cells, self._records = device_volume(self.runtime, volume)
-        self._part = OF_MANY if len(scene.triangles) > MANY else 1.0
+        self.effort = OF_MANY if len(scene.triangles) > MANY else OF_FEW
         x, y, z = ((np.asarray(scene.origin) - volume.low) / volume.side).tolist()
         columns_on, rows_on = tile_turn(camera)
         self._params = GATHER.pack(
@@ -109,13 +128,13 @@ class FinalGather:
             rays: through the scene, from view space in units of which scene units have `per_unit`.
             per_unit: see `rays`.
         """
-        kept = level.step > 1 and level.number < len(SHARES) - 1
+        shares = self.effort.shares
+        kept = level.step > 1 and level.number < len(shares) - 1
         found = self._found.get(level.number)
         if kept and (found is None or found.size != level.size):
             found = self._found[level.number] = self.runtime.plane(FOUND, level.size)
         values = found if kept else level.values
-        share = SHARES[min(level.number, len(SHARES) - 1)]
-        most = max(int(self._part * share * self._rays), LEAST)
+        most = max(int(shares[min(level.number, len(shares) - 1)] * self._rays), LEAST)
         if most not in self._ways:
             directions = hemisphere_ways(most)
             self._ways[most] = len(directions), self.runtime.array(directions)

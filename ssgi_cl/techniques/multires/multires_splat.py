@@ -51,13 +51,6 @@ from ssgi_cl.techniques.vpl.vpl_light import (
 from ssgi_cl.techniques.vpl.vpl_tree import SHARES, VplTree
 from ssgi_cl.techniques.vpl.world_vpls import WorldVpls
 
-CLOSER = 0.3
-"""Error of interpolation allowed with rays over the hemisphere, in parts of that of lights: more points with fewer rays
-err less in the same time. RMS of the logarithm of irradiance with 1 and 144 rays, and with .3 and 100: 5.0 and 4.0 % in
-`cornell_box`, 2.8 and 2.4 in a room with a spot light, 1.35 and 1.4 in one with a panel and rods, in .7 to 1.2 of the
-gather's time. Blocks of 4 x 4 pixels along the walls of a room with a sunny window are up to 27 % too bright with .5,
-up to 10 with .3 (95th percentile)."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class MultiresSplatParams(MultiresGridParams, VplParams):
@@ -282,7 +275,7 @@ class MultiresSplat(Prepared[MultiresSplatParams]):
                 final.shine(level, rays, self._lights.values["per_unit"])
             if level is coarsest:
                 known = [*other_light, *([] if final is None else [level.values])]
-                between = params.interpolation_error * (1.0 if final is None else CLOSER)
+                between = params.interpolation_error * (1.0 if final is None else final.effort.between)
                 tree.measure(level.source, level.list, values, between, params.light_error, known)
             if self._lights.count:
                 tree.shine(level.source, level.list, level.most, level.fractions, level.values, values, occupancy, rays)

@@ -16,6 +16,7 @@ from ssgi_cl.core.params import Params, Prepared, param, with_fields_described
 from ssgi_cl.core.sample_views import PATTERN, interleaved, sample_views
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size
+from ssgi_cl.device.constants import START_FEW
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA
@@ -30,6 +31,8 @@ Doubles = NDArray[np.float64]
 
 BATCH = 256
 """Triangles that the maps' pass brings to one view after another."""
+NOTHING = int(np.float32(np.inf).view(np.int32))
+"""Depth in maps where nothing is, as its bits."""
 ITEMS = 8
 """Work-items of that pass for each compute unit, where each has maps of its own."""
 FIELDS = 20
@@ -97,6 +100,7 @@ class SampledLights(Prepared[SampledLightsParams]):
         self._params = params = params or SampledLightsParams()
         self._irradiance = Target(runtime, 3, size, kept=kept)
         self._blur = Bilateral(runtime, size, _blur_params(params.blur), 3, kept=kept)
+        self._triangles = runtime.kernel("sampled_lights/sampled_triangles.cl")
         self._cutouts = runtime.kernel("sampled_lights/sampled_cutouts.cl")
         self._light = runtime.kernel(
             "sampled_lights/sampled_lights.cl", {"SAMPLED_COUNT": params.count // PATTERN}, (CAMERA,)
@@ -158,41 +162,43 @@ class SampledLights(Prepared[SampledLightsParams]):
             return
         self._scene = None
         runtime, texels, count = self.runtime, self.params.map_size, self.params.count
-        triangles = len(scene.triangles)
-        stride = -(-triangles // 16) * 16
-        planar = np.zeros((9 + scene.culls, stride), np.float32)
-        corners = scene.positions[scene.triangles]
-        holes = np.flatnonzero(scene.cut_out)
-        corners[holes] = corners[holes, :1]  # these are drawn by themselves
-        planar[:9, :triangles] = corners.reshape(triangles, 9).T
-        planar[9:, :triangles] = scene.culled_backs
-        uploaded = runtime.transient.array(planar.size, np.float32)
-        uploaded.upload(planar)
+        solid = device_scene(scene, runtime)
+        triangles = solid.triangles
+        planar = runtime.transient.array(9 * solid.triangle_stride, np.float32)
+        self._triangles.run(
+            (1, solid.triangle_stride),
+            corners=solid.corners,
+            positions=solid.positions,
+            cutouts=solid.cutouts,
+            triangles=planar,
+            count=triangles,
+            vertex_stride=solid.vertex_stride,
+        )
         self._views, self._diagonals = sample_views(self._directions, scene.bounds - scene.origin, texels)
         self._matrices.upload(self._views.astype(np.float32))
-        empty = np.full(count * texels * texels, np.float32(np.inf).view(np.int32), np.int32)
         if self._maps is None:
-            self._maps = runtime.array(empty)
-        else:
-            self._maps.upload(empty)
+            self._maps = runtime.empty(count * texels * texels, np.int32)
+        self._maps.fill(NOTHING)
         batches = -(-triangles // BATCH)
         rows, each = batches, 1
         if runtime.variant.lanes > 1:  # see the kernel
             rows, each = 1, max(count // (ITEMS * runtime.info.units), 1)
-        macros = {"SAMPLED_BATCH": BATCH, "SAMPLED_CULL": int(scene.culls)}
+        macros = {"SAMPLED_BATCH": BATCH, "SAMPLED_RUN": START_FEW, "SAMPLED_CULL": int(scene.culls)}
         runtime.kernel("sampled_lights/sampled_depth.cl", macros).run(
             (batches, count),
             grid=(rows, -(-count // each)),
             local=runtime.small_groups(1),
-            triangles=uploaded,
+            boxes=solid.few_boxes,
+            triangles=planar,
+            corners=solid.corners,
             views=self._matrices,
             maps=self._maps,
             count=triangles,
             texels=texels,
             each=each,
         )
+        holes = np.flatnonzero(scene.cut_out)
         if len(holes):
-            solid = device_scene(scene, runtime)
             self._cutouts.run(
                 (len(holes), count),
                 grid=(len(holes), count),

@@ -15,7 +15,7 @@
 //                  way a tap lies, [0, 1)
 // Writes:  irradiance  3 x [rows, columns] W/m^2 without margin, added to (SHADE_ADD 1) or set
 // Macros:  SHADE_KIND (0 spot, 1 point, 2 directional), SHADE_ADD (0, 1), LIGHT_TAPS (1..256),
-//          LIGHT_LAYERS (>= 1), LIGHT_THICKNESS (0, 1)
+//          LIGHT_LAYERS (>= 1), LIGHT_THICKNESS (0, 1), SHADE_SMOOTH 0
 // Launch:  SSGI_LANES pixels of a row per work-item
 // Cost:    LIGHT_TAPS * LIGHT_LAYERS scattered reads per lit pixel
 

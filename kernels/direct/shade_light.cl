@@ -17,7 +17,8 @@
 // Writes:  irradiance  3 x [rows, columns] W/m^2, added to (SHADE_ADD 1) or set; with SHADE_LOBE
 //          radiance, W m^-2 sr^-1, likewise
 // Macros:  SHADE_KIND (0 spot, 1 point, 2 directional), SHADE_SHADOW, SHADE_SOFT (it has a
-//          size, light.extent; with SHADE_SHADOW), SHADE_ADD, SHADE_LOBE (0, 1)
+//          size, light.extent; with SHADE_SHADOW), SHADE_ADD, SHADE_LOBE (0, 1), SHADE_SMOOTH (1:
+//          a pixel at the edge of a spot light's cone has a share of its light)
 // Params:  position and direction in the camera's view space; `turn` and `shift` take view space to
 //          that of the light's camera (point light: to world axes round the light)
 // Launch:  SSGI_LANES pixels of a row per work-item

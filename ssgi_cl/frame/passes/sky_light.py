@@ -18,9 +18,9 @@ from ssgi_cl.techniques.sky_rays.enclosed import openness, sky_by_rays
 from ssgi_cl.techniques.sky_rays.sky_rays import SkyRays, SkyRaysParams
 
 DIRECTIONS = 256
-"""Of environments, in place of which a pixel of every second row has two rays. With one, which takes 8 % off a kept frame
-of `window-300` at 800 x 600, walls show blotches 20 to 60 pixels wide: mottling is .0206 with one, .0188 with two and
-.0182 with four (400 x 300, 256 paths)."""
+"""Of environments, in place of which a pixel of every second row has two rays. With one, which takes 8 % off a kept
+frame of `window-300` at 800 x 600, walls show blotches 20 to 60 pixels wide: mottling is .0206 with one, .0188 with two
+and .0182 with four (400 x 300, 256 paths)."""
 
 
 def sky_light(build: Build) -> Stage:
@@ -62,8 +62,8 @@ def sky_light(build: Build) -> Stage:
 
 
 def _rays_params(directions: int) -> SkyRaysParams:
-    """Return parameters that suit a number of directions: a ray and up to 128 parts, from `DIRECTIONS` on two rays, with
-    twice as many more of both."""
+    """Return parameters that suit a number of directions: a ray and up to 128 parts, two rays from `DIRECTIONS` on, and
+    more of both with more of them."""
     finer = directions // DIRECTIONS
     return SkyRaysParams(
         strata=min(min(max(directions, 32), 128) * max(finer, 1), 256), rays=min(max(2 * finer**2, 1), 16)

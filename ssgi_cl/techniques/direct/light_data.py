@@ -34,7 +34,7 @@ LIGHT = Struct(
         *floats("direction_x", "direction_y", "direction_z"),
         *floats("least_cosine", "facing", "red", "green", "blue", "extent"),
         *floats(*ROTATION, "shift_x", "shift_y", "shift_z"),
-        *ints("map_size", "margin_columns", "margin_rows", "layer", "blocks", "crops", "facets", "smooth"),
+        *ints("map_size", "margin_columns", "margin_rows", "layer", "blocks", "crops", "facets"),
     ),
 )
 
@@ -164,6 +164,7 @@ class PunctualLights:
                 "SHADE_ADD": int(add),
                 "SHADE_LOBE": int(lobe),
                 "SHADE_SOFT": int(shadow is not None and light_extent(light) > 0.0),
+                "SHADE_SMOOTH": int(self.smooth and isinstance(light, SpotLight)),
             },
             (CAMERA, LIGHT),
         )
@@ -190,7 +191,6 @@ class PunctualLights:
                     "blocks": int(blocks is not None),
                     "crops": len(shadow.crops) if shadow else 0,
                     "facets": int(shadow is not None and shadow.is_fitted and gbuffer.has_facets),
-                    "smooth": int(self.smooth),
                 }
             ),
         )
@@ -256,5 +256,4 @@ def light_values(light: PunctualLight, camera: Camera, light_camera: Camera, gbu
         "blocks": 0,
         "crops": 0,
         "facets": 0,
-        "smooth": 0,
     }

@@ -89,6 +89,7 @@ class LightShadows(PunctualLights, Prepared[LightShadowParams]):
                 "LIGHT_TAPS": params.taps,
                 "LIGHT_LAYERS": gbuffer.layers,
                 "LIGHT_THICKNESS": int(gbuffer.thickness is not None),
+                "SHADE_SMOOTH": 0,
             },
             (CAMERA, LIGHT, LIGHT_SHADOW),
         )

@@ -46,13 +46,13 @@ class Effort(NamedTuple):
 
 
 OF_FEW = Effort((1.0, 0.45, 0.18, 0.1, 0.06), 0.15)
-"""In scenes of up to `MANY` triangles. With .3 and the last two shares .042 and .03 FLIP of `cornell_box`, `window-300`
-and `cornell_box-spot` is .0495, .0605 and .0422 in place of .0483, .0597 and .0406 (400 x 300, 256 paths), and the foot of
-the dark box has lumps; kept frames take .85 to 1 times as long."""
+"""In scenes of up to `MANY` triangles. With .3 and the last two shares .042 and .03 FLIP of `cornell_box`,
+`window-300` and `cornell_box-spot` is .0495, .0605 and .0422 in place of .0483, .0597 and .0406 (400 x 300, 256
+paths), and the foot of the dark box has lumps; kept frames take .85 to 1 times as long."""
 OF_MANY = Effort((0.7, 0.315, 0.126, 0.0294, 0.021), 0.3)
-"""In others, where a ray takes several times as long. With .71, 1 and 1.4 times these shares FLIP at 400 x 300 against 256
-paths is .123, .119 and .115 in `hall`, .095, .094 and .092 in `workshop`; kept frames take .95 and 1.18 times the processor
-time of those with 1 in `hall`, .93 and 1.16 times in `workshop`."""
+"""In others, where a ray takes several times as long. With .71, 1 and 1.4 times these shares FLIP at 400 x 300
+against 256 paths is .123, .119 and .115 in `hall`, .095, .094 and .092 in `workshop`; kept frames take .95 and 1.18
+times the processor time of those with 1 in `hall`, .93 and 1.16 times in `workshop`."""
 DEALT, MOST_DEALT, MOST_RAYS = 16, 1 << 14, 256
 """Work-items of a GPU that share a point's rays, where there are no more points and rays: these would not fill it."""
 RAYS_AT_ONCE = 1 << 24

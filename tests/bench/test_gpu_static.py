@@ -151,7 +151,7 @@ def test_no_kernel_keeps_anything_in_memory() -> None:
         name = kernel.rsplit(",", 1)[0]
         for device, usage in devices.items():
             assert usage.scratch <= (INTEL_SCRATCH.get(name, 0) if device == INTEL else 0), (kernel, device)
-            assert usage.spills <= (34 if name in SCALAR and device == AMD else 0), (kernel, device)
+            assert usage.spills <= (35 if name in SCALAR and device == AMD else 0), (kernel, device)
 
 
 ALONG_ROWS = {"bilateral_blur": 1.32, "upsample_blur_rows": 1.2, "calibrate_copy": 1.15}

@@ -118,15 +118,15 @@ final_gather(ssgi_plane depth, ssgi_plane normal, __global const int *restrict l
             vfloat away[3];
             rays_away(triangles, t, wx, wy, wz, away);
             const vfloat scale = v_splat(gather.per_cell);
-            vfloat sent[3];
-            volume_smooth(cells, volume,
-                          v_fma(v_fma(line.wx, hit.where, line.x), scale, v_splat(gather.cell_x)),
-                          v_fma(v_fma(line.wy, hit.where, line.y), scale, v_splat(gather.cell_y)),
-                          v_fma(v_fma(line.wz, hit.where, line.z), scale, v_splat(gather.cell_z)),
-                          away[0], away[1], away[2], sent);
+            const VolumePlace place = volume_surface(
+                cells, volume,
+                v_fma(v_fma(line.wx, hit.where, line.x), scale, v_splat(gather.cell_x)),
+                v_fma(v_fma(line.wy, hit.where, line.y), scale, v_splat(gather.cell_y)),
+                v_fma(v_fma(line.wz, hit.where, line.z), scale, v_splat(gather.cell_z)), away[0],
+                away[1], away[2]);
 #pragma unroll
             for (int c = 0; c < 3; ++c) {
-                const vfloat radiance = v_select(zero, sent[c], met);
+                const vfloat radiance = v_select(zero, volume_radiance(volume, place, c), met);
 #if GATHER_ITEMS > 1
                 found[(c * GATHER_RAYS + ray) * GATHER_SAMPLES + sample] = radiance;
 #else

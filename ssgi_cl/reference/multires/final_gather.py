@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 
 import numpy as np
@@ -18,15 +17,7 @@ TURNS = -0.5
 
 
 def final_gather_reference(
-    points: Doubles,
-    normals: Doubles,
-    ways: Doubles,
-    corners: Doubles,
-    sides: Doubles,
-    low: Doubles,
-    side: float,
-    *,
-    smooth: bool = True,
+    points: Doubles, normals: Doubles, ways: Doubles, corners: Doubles, sides: Doubles, low: Doubles, side: float
 ) -> tuple[Doubles, NDArray[np.bool_]]:
     """Return irradiance [n, 3] in W/m^2 at points, and of which [n] a ray passes near an edge of what it meets.
 
@@ -40,8 +31,6 @@ def final_gather_reference(
         sides: [cells, cells, cells, 6, 4] by z, y and x: radiance, W m^-2 sr^-1, of surfaces that face +x, -x,
             +y, -y, +z and -z, and their area.
         low, side: corner of least coordinates of the volume, and side of a cell.
-        smooth: whether radiance is that between the middles of four cells along a surface, of the side that it faces
-            most, in place of the mean of the sides that a ray sees in one cell.
     """
     x, y, z = normals.T
     sign = np.where(z > TURNS, 1.0, -1.0)
@@ -68,40 +57,15 @@ def final_gather_reference(
         normal = face[nearest] / np.linalg.norm(face[nearest], axis=1, keepdims=True)
         normal *= np.sign((normal * rays).sum(axis=1))[:, None]
         place = (point + np.where(met, length, 0.0)[:, None] * rays - low) / side - BEFORE * normal
-        radiance = (_between_cells if smooth else _of_cell)(sides, place, normal)
+        at = np.clip(place, 0, len(sides) - 1e-9).astype(np.intp)
+        there = sides[at[:, 2], at[:, 1], at[:, 0]]
+        chosen = np.stack(
+            [there[np.arange(len(rays)), 2 * axis + (normal[:, axis] > 0.0)] for axis in range(3)], axis=1
+        )
+        weight = np.abs(normal) * chosen[..., 3]
+        radiance = (weight[..., None] * chosen[..., :3]).sum(axis=1) / np.maximum(weight.sum(axis=1), 1e-20)[:, None]
         irradiance[i] = math.pi / len(rays) * radiance[met].sum(axis=0)
         # Rays that another triangle's edge or a wall between cells decides about.
         edge = (np.abs(inside) < 1e-4) & (t > -1e-4) & (t < length[:, None] + 1e-4)
         near[i] = edge.any() or (np.abs(place - np.round(place)) < 1e-3)[met].any()
     return irradiance, near
-
-
-def _of_cell(sides: Doubles, place: Doubles, normal: Doubles) -> Doubles:
-    """Return radiance [n, 3] of surfaces at places [n, 3], in cells, with normals [n, 3] away from the ray."""
-    at = np.clip(place, 0, len(sides) - 1e-9).astype(np.intp)
-    there = sides[at[:, 2], at[:, 1], at[:, 0]]
-    chosen = np.stack([there[np.arange(len(at)), 2 * axis + (normal[:, axis] > 0.0)] for axis in range(3)], axis=1)
-    weight = np.abs(normal) * chosen[..., 3]
-    mean: Doubles = (weight[..., None] * chosen[..., :3]).sum(axis=1) / np.maximum(weight.sum(axis=1), 1e-20)[:, None]
-    return mean
-
-
-def _between_cells(sides: Doubles, place: Doubles, normal: Doubles) -> Doubles:
-    """Return the same between the middles of four cells, weighted by the areas of the side that is faced most."""
-    each, last = np.arange(len(place)), len(sides) - 1
-    faced = np.abs(normal).argmax(axis=1)
-    face = 2 * faced + (normal[each, faced] > 0.0)
-    middle = np.clip(place - 0.5, 0.0, last)
-    low = np.minimum(np.floor(middle), last - 1)
-    along = faced[:, None] == np.arange(3)
-    low[along], middle[along] = np.clip(np.floor(place[along]), 0.0, last), 0.0
-    total, weights = np.zeros((len(place), 3)), np.zeros(len(place))
-    for step in itertools.product((0, 1), repeat=3):
-        part = np.where(np.array(step) == 1, middle - low, 1.0 - (middle - low))
-        counts = np.where(along, 1.0 - np.array(step), part).prod(axis=1)
-        at = np.where(along, low, low + step).astype(np.intp)
-        sent = sides[at[:, 2], at[:, 1], at[:, 0], face]
-        total += (counts * sent[:, 3])[:, None] * sent[:, :3]
-        weights += counts * sent[:, 3]
-    mean: Doubles = total / np.maximum(weights, 1e-20)[:, None]
-    return mean

@@ -47,7 +47,7 @@ class Effort(NamedTuple):
 
 OF_FEW = Effort((1.0, 0.45, 0.18, 0.1, 0.06), 0.15)
 """In scenes of up to `MANY` triangles. With .3 and the last two shares .042 and .03 FLIP of `cornell_box`,
-`window-300` and `cornell_box-spot` is .0495, .0605 and .0422 in place of .0483, .0597 and .0406 (400 x 300, 256
+`window-300` and `cornell_box-spot` is .0497, .0606 and .0423 in place of .0484, .0599 and .0408 (400 x 300, 256
 paths), and the foot of the dark box has lumps; kept frames take .85 to 1 times as long."""
 OF_MANY = Effort((0.7, 0.315, 0.126, 0.0294, 0.021), 0.3)
 """In others, where a ray takes several times as long. With .71, 1 and 1.4 times these shares FLIP at 400 x 300

@@ -227,7 +227,6 @@ def test_bounces_are_those_of_float64(variant_runtime: Runtime, rng: np.random.G
         sides,
         light.low,
         light.side,
-        smooth=False,
     )
     assert near.mean() < 0.5
     assert expected[~near].std() > 0.05

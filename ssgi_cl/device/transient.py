@@ -190,10 +190,6 @@ class TransientMemory:
                 self._border(piece, layout)
             return array
 
-    def zero(self, array: DeviceArray) -> None:
-        """Queue what sets all of an array to 0."""
-        self._fill(array.buffer, 0.0, 0, array.count * array.dtype.itemsize, "clear")
-
     def image(self, shape: Size, user: Plane) -> _Image:
         """Return an image of such a shape, which may not be made yet, for as long as `user` lives."""
         images = self._images.setdefault(shape, [])

@@ -291,7 +291,7 @@ class SliceScan(Prepared[SliceParams]):
         parts: Iterable[tuple[int, Plane]] = [(0, images)] if not isinstance(images, ImageParts) else images.parts
         array, over = self._array(images.count, region)
         if isinstance(images, ImageParts) and not images.complete and region is None:
-            self.runtime.transient.zero(array)
+            array.fill(0)
         for first, part in parts:
             kernel = self.runtime.kernel("slices/slices_sorted.cl", {"SORTED_COUNT": part.count})
             kernel.run(
@@ -323,7 +323,7 @@ class SliceScan(Prepared[SliceParams]):
         written; they are 0 elsewhere."""
         array = self.runtime.transient.images(count, self.sorted_size)
         if region is not None:
-            self.runtime.transient.zero(array)
+            array.fill(0)
         return array, self._rows_of(region)
 
     def _places(self, fine: Plane) -> dict[str, Any]:

@@ -111,7 +111,7 @@ class AreaLights(Prepared[AreaLightsParams]):
         light = runtime.transient.plane(3, self.size)
         macros = {"AREA_CHANNELS": channels}
         cells = runtime.transient.array(self._cells, np.int32)
-        runtime.transient.zero(cells)
+        cells.fill(0)
         with self._irradiance.over(gbuffer.seen) as (irradiance, region):
             sampled = self._around(2 * channels + 2, region)
             for step, (rays, noise) in enumerate(self._steps):

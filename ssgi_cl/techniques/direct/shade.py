@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -68,8 +69,8 @@ class Shade(Prepared[ShadeParams]):
         self.runtime = runtime
         self.size = size
         self._params = params or ShadeParams()
-        self._smooth = smooth
-        self._punctual_lights = PunctualLights(runtime, size, smooth=smooth) if punctual_lights else None
+        self._new_lights = partial(PunctualLights, runtime, size, smooth=smooth)
+        self._punctual_lights = self._new_lights() if punctual_lights else None
         self._radiance = runtime.plane(3, size)
         self._ambient = Ambient(runtime)
         self._sky = runtime.array(np.zeros(3, np.float32))
@@ -116,7 +117,7 @@ class Shade(Prepared[ShadeParams]):
         self, gbuffer: DeviceGBuffer, lights: Sequence[Light], *, shadows: Sequence[ShadowMap | None] | None = None
     ) -> Plane | None:
         """Queue the passes of lights; return the plane of their irradiance, None if none shines."""
-        self._punctual_lights = self._punctual_lights or PunctualLights(self.runtime, self.size, smooth=self._smooth)
+        self._punctual_lights = self._punctual_lights or self._new_lights()
         return self._punctual_lights.run(gbuffer, lights, shadows=shadows)
 
     def combine(

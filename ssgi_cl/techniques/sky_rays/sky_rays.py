@@ -125,7 +125,7 @@ class SkyRays(Prepared[SkyRaysParams]):
         words = params.count // WORD
         grid = -(-rows // SKY_CELL), -(-columns // SKY_CELL)
         cells = runtime.transient.array(grid[0] * grid[1] * words, np.int32)
-        runtime.transient.zero(cells)
+        cells.fill(0)
         sought = runtime.transient.array(grid[0] * grid[1] * (words + words // 4), np.int32)
         sampled, smooth = (runtime.transient.plane(channels + 2, half) for _ in range(2))
         given = {

@@ -162,7 +162,7 @@ class SsdoBitmask(Prepared[SsdoBitmaskParams]):
         result = Target(self.runtime, count, self.size, 1.0, kept=False)
         with result.over(region, background=(1.0, *(0.0,) * (count - 1))) as (light, over):
             if region is not None and self.masks is not None:
-                self.runtime.transient.zero(self.masks)
+                self.masks.fill(0)
             for strip in scan.strips(over):
                 kernel.run(
                     self.size,

@@ -44,7 +44,8 @@ class DeviceScene:
     def __init__(self, runtime: Runtime, scene: Scene) -> None:
         self.key = scene.key
         self.origin = scene.origin
-        self.has_normals = bool(scene.normals.any(axis=1).all())
+        x, y, z = scene.normals.T  # numpy is slow on rows of three numbers
+        self.has_normals = bool(((x != 0.0) | (y != 0.0) | (z != 0.0)).all())
         self.vertices = len(scene.positions)
         self.triangles = len(scene.triangles)
         self.vertex_stride = _rounded(self.vertices)
@@ -130,15 +131,16 @@ def triangle_boxes(
     positions: NDArray[np.float32], triangles: NDArray[np.int32], counts: Iterable[int]
 ) -> list[NDArray[np.float32]]:
     """Return middle and half size of a box round each run of so many triangles, [runs, 6] each."""
-    first, second, third = (positions[corner] for corner in triangles.T)
-    low = np.minimum(np.minimum(first, second), third)
-    high = np.maximum(np.maximum(first, second), third)
-    found = []
-    for count in counts:
-        firsts = np.arange(0, len(low), count)
-        least = np.minimum.reduceat(low, firsts).astype(np.float64)
-        most = np.maximum.reduceat(high, firsts).astype(np.float64)
-        found.append(np.column_stack([(least + most) / 2, (most - least) / 2]).astype(np.float32))
+    runs = [np.arange(0, len(triangles), count) for count in counts]
+    found = [np.empty((len(firsts), 6), np.float32) for firsts in runs]
+    corners = triangles.T.astype(np.intp)
+    for axis, column in enumerate(positions.T):  # numpy is slow on rows of three numbers
+        first, second, third = column[corners]
+        low, high = np.minimum(np.minimum(first, second), third), np.maximum(np.maximum(first, second), third)
+        for firsts, boxes in zip(runs, found, strict=True):
+            least = np.minimum.reduceat(low, firsts).astype(np.float64)
+            most = np.maximum.reduceat(high, firsts).astype(np.float64)
+            boxes[:, axis], boxes[:, 3 + axis] = (least + most) / 2, (most - least) / 2
     return found
 
 

@@ -84,25 +84,24 @@ def bvh_of(
             greatest corner, 0.
         holes: [triangles] 0 where a triangle has none, else the number of its record, from 1.
     """
-    corners = np.asarray(corners, np.float32)
     if not len(corners):
         nodes = np.zeros((1, NODE), np.float32)
         nodes[:, 0:3], nodes[:, 4:7], nodes.view(np.int32)[:, 3] = np.inf, -np.inf, 1
         return Bvh(nodes, np.zeros((1, TRIANGLE), np.float32))
-    diagonal = _diagonal(corners)
-    corners, number = _cut(corners, LONGEST * diagonal, None if holes is None else holes != 0)
-    found = Halves(*split(_boxes(corners, diagonal)))
-    order = found.order
-    triangles = np.zeros((len(corners), TRIANGLE), np.float32)
-    corners, number = corners[order], number[order]
-    triangles[:, :3] = corners[:, 0]
-    triangles[:, 3:6] = corners[:, 1] - corners[:, 0]
-    triangles[:, 6:9] = corners[:, 2] - corners[:, 0]
-    triangles[:, 9] = culled[number]
-    triangles.view(np.int32)[:, 10] = number
+    # One row for each coordinate: numpy is ten times as fast as on rows of three numbers.
+    planar = np.asarray(corners, np.float32).reshape(-1, 9).T.copy().reshape(3, 3, -1)
+    diagonal = float(np.linalg.norm(planar.max(axis=(0, 2)) - planar.min(axis=(0, 2))))
+    planar, number = _cut(planar, LONGEST * diagonal, None if holes is None else holes != 0)
+    found = Halves(*split(_boxes(planar, diagonal)))
+    planar, number = planar[..., found.order], number[found.order]
+    triangles = np.zeros((TRIANGLE, len(number)), np.float32)
+    triangles[:3] = planar[0]
+    triangles[3:9] = (planar[1:] - planar[0]).reshape(6, -1)
+    triangles[9] = culled[number]
+    triangles.view(np.int32)[10] = number
     if holes is not None:
-        triangles.view(np.int32)[:, 11] = holes[number]
-    return Bvh(_nodes(found), triangles)
+        triangles.view(np.int32)[11] = holes[number]
+    return Bvh(_nodes(found), triangles.T.copy())
 
 
 def _nodes(found: Halves) -> Floats:
@@ -128,39 +127,28 @@ def _nodes(found: Halves) -> Floats:
 
 
 def _boxes(corners: Floats, diagonal: float) -> Floats:
-    """Return boxes round triangles and a margin, as `bvh_of` says."""
-    first, second, third = (corners[:, i] for i in range(3))
-    margin = (EDGE * _lengths(corners).max(axis=0) + ROUNDING * diagonal).astype(np.float32)[:, None]
-    boxes = np.zeros((len(corners), NODE), np.float32)
-    boxes[:, 0:3] = margin - np.minimum(np.minimum(first, second), third)
-    boxes[:, 4:7] = margin + np.maximum(np.maximum(first, second), third)
-    boxes.view(np.int32)[:, 3] = np.arange(len(corners))
+    """Return boxes round triangles [3 corners, 3 axes, triangles] and a margin, as `bvh_of` says."""
+    margin = (EDGE * _lengths(corners).max(axis=0) + ROUNDING * diagonal).astype(np.float32)
+    boxes = np.zeros((corners.shape[-1], NODE), np.float32)
+    boxes.T[0:3] = margin - corners.min(axis=0)
+    boxes.T[4:7] = margin + corners.max(axis=0)
+    boxes.view(np.int32)[:, 3] = np.arange(len(boxes))
     return boxes
 
 
 def _lengths(corners: Floats) -> Floats:
-    """Return [3, triangles] lengths of edges, each from a corner to the next."""
-    found = np.empty((3, len(corners)), np.float32)
-    for i in range(3):
-        x, y, z = (corners[:, (i + 1) % 3] - corners[:, i]).T
-        found[i] = np.sqrt(x * x + y * y + z * z)
-    return found
-
-
-def _diagonal(corners: Floats) -> float:
-    """Return the diagonal of the box round triangles."""
-    # Rows of 64 triangles: numpy is ten times as fast as on rows of three numbers.
-    whole = len(corners) // 64 * 64
-    rows = corners[:whole].reshape(-1, 3 * 3 * 64), corners[whole:].reshape(-1, 3)
-    ends = [end(row, axis=0).reshape(-1, 3) for row in rows if len(row) for end in (np.min, np.max)]
-    return float(np.linalg.norm(np.ptp(np.concatenate(ends), axis=0)))
+    """Return [3, triangles] lengths of edges of triangles [3 corners, 3 axes, triangles], each from a corner to the
+    next."""
+    x, y, z = (corners[[1, 2, 0]] - corners).transpose(1, 0, 2)
+    lengths: Floats = np.sqrt(x * x + y * y + z * z)
+    return lengths
 
 
 def _cut(corners: Floats, longest: float, whole: NDArray[np.bool_] | None) -> tuple[Floats, NDArray[np.int64]]:
-    """Return triangles [n, 3, 3] of which those with edges above the `longest` are cut across these, and whose parts
-    they are. Those that are to stay `whole` do."""
-    number = np.arange(len(corners))
-    room = MOST_CUTS + len(corners) // 8
+    """Return triangles [3 corners, 3 axes, n] of which those with edges above the `longest` are cut across these, and
+    whose parts they are. Those that are to stay `whole` do."""
+    number = np.arange(corners.shape[-1])
+    room = MOST_CUTS + len(number) // 8
     done: list[tuple[Floats, NDArray[np.int64]]] = []
     while True:
         edges = _lengths(corners)
@@ -169,16 +157,14 @@ def _cut(corners: Floats, longest: float, whole: NDArray[np.bool_] | None) -> tu
             large &= ~whole[number]
         if not large.any() or np.count_nonzero(large) > room:
             break
-        done.append((corners[~large], number[~large]))
-        corners, number, edges = corners[large], number[large], edges[:, large]
-        room -= len(corners)
+        done.append((corners[..., ~large], number[~large]))
+        corners, number, edges = corners[..., large], number[large], edges[:, large]
+        room -= len(number)
         # The longest edge first: its middle is joined to the opposite corner.
-        turn = (edges.argmax(axis=0)[:, None] + np.arange(3)) % 3
-        corners = np.take_along_axis(corners, turn[..., None], 1)
-        middle = 0.5 * (corners[:, 0] + corners[:, 1])
-        corners = np.concatenate(
-            [np.stack([corners[:, 0], middle, corners[:, 2]], 1), np.stack([middle, corners[:, 1], corners[:, 2]], 1)]
-        )
+        turn = (edges.argmax(axis=0) + np.arange(3)[:, None]) % 3
+        first, second, third = np.take_along_axis(corners, turn[:, None], 0)
+        middle = 0.5 * (first + second)
+        corners = np.concatenate([np.stack([first, middle, third]), np.stack([middle, second, third])], axis=-1)
         number = np.tile(number, 2)
     done.append((corners, number))
-    return np.concatenate([c for c, _ in done]), np.concatenate([n for _, n in done])
+    return np.concatenate([c for c, _ in done], axis=-1), np.concatenate([n for _, n in done])

@@ -268,8 +268,8 @@ class Scene(Immutable):
         """[2, 3] float64, world space: least and greatest corner of the box round all triangles."""
         used = np.zeros(len(self.positions), np.bool_)
         used[self.triangles] = True
-        corners = self.positions[used]
-        box = np.stack([corners.min(axis=0), corners.max(axis=0)]) + self.origin
+        columns = [column[used] for column in self.positions.T]  # numpy is slow on rows of three numbers
+        box = np.array([[end(column) for column in columns] for end in (np.min, np.max)]) + self.origin
         box.flags.writeable = False
         return box
 

@@ -103,8 +103,9 @@ def weights_at(scene: Scene, triangle: NDArray[np.intp], position: Doubles) -> D
 
 def triangle_cross(scene: Scene, chosen: Triangles) -> tuple[Doubles, Doubles, Doubles]:
     """Return x, y and z of the normals of triangles, as long as twice their areas."""
-    x, y, z = scene.positions.T.astype(np.float64)[:, scene.triangles[chosen].T]
-    first, second = ((x[i] - x[0], y[i] - y[0], z[i] - z[0]) for i in (1, 2))
+    vertices = scene.triangles[chosen].T.astype(np.intp)
+    places = [column.astype(np.float64)[vertices] for column in scene.positions.T]
+    first, second = ([of[i] - of[0] for of in places] for i in (1, 2))
     return _cross(first, second)
 
 

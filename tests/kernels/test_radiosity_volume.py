@@ -14,7 +14,7 @@ from ssgi_cl.device.runtime import Runtime
 from .expression import run_expressions
 
 Doubles = NDArray[np.float64]
-FACES, BEFORE = 6, 0.01
+FACES, BEFORE, UNLIKE = 6, 0.01, 3.0
 SMOOTH = "({{vfloat found[3]; volume_smooth(cells, records, x, y, z, nx, ny, nz, found); found[{}];}})"
 
 
@@ -37,11 +37,22 @@ def smooth(
 def expected(
     cells: NDArray[np.int32], planes: NDArray[np.float32], records: NDArray[np.float32], place: Doubles, normal: Doubles
 ) -> Doubles:
-    """Return the same in float64: the mean of the four cells beside each other along the surface, by areas."""
+    """Return the same in float64: the mean of the four cells beside each other along the surface, by areas and by how
+    alike their brightness and that of the place's own cell are."""
     found = np.zeros((len(place), 3))
     for number, (at, way) in enumerate(zip(place - BEFORE * normal, normal, strict=True)):
         faced = int(np.abs(way).argmax())
-        total = 0.0
+
+        def sent(cell: Doubles, at: Doubles = at, side: int = 2 * faced + int(way[faced] > 0.0)) -> Doubles:
+            x, y, z = np.clip(cell, 0, VOLUME_CELLS - 1).astype(int)
+            record = int(cells[z, y, x])
+            if record < 0:
+                plane = planes[-1 - record]
+                record = 2 * (-1 - record) + int(plane[:3] @ at < plane[3])
+            light: Doubles = records[record, side].astype(np.float64)
+            return light
+
+        own, total = sent(np.floor(at))[:3].sum(), 0.0
         for step in itertools.product((0, 1), repeat=3):
             if step[faced]:
                 continue
@@ -51,14 +62,11 @@ def expected(
                 cell[axis] = low[axis] + step[axis]
                 part = at[axis] - 0.5 - low[axis]
                 counts *= part if step[axis] else 1.0 - part
-            x, y, z = np.clip(cell, 0, VOLUME_CELLS - 1).astype(int)
-            record = int(cells[z, y, x])
-            if record < 0:
-                plane = planes[-1 - record]
-                record = 2 * (-1 - record) + int(plane[:3] @ at < plane[3])
-            sent = records[record, 2 * faced + int(way[faced] > 0.0)]
-            found[number] += counts * sent[3] * sent[:3]
-            total += counts * sent[3]
+            one = sent(cell)
+            bright = one[:3].sum()
+            counts *= one[3] * np.clip(UNLIKE - max(bright, own) / min(bright, own), 0.0, 1.0)
+            found[number] += counts * one[:3]
+            total += counts
         found[number] /= total
     return found
 
@@ -87,9 +95,9 @@ def test_light_of_a_surface_is_bilinear_between_cells(
 
 
 def test_it_changes_no_more_than_its_slope_along_a_surface(runtime: Runtime, rng: np.random.Generator) -> None:
-    """No step where cells meet, as a look-up of one cell has."""
+    """No step where cells of up to twice the brightness of their neighbours meet, as a look-up of one cell has."""
     records = np.ones((VOLUME_CELLS, FACES, 4), np.float32)
-    records[..., :3] = rng.uniform(0.0, 1.0, (VOLUME_CELLS, 1, 1))
+    records[..., :3] = rng.uniform(0.5, 1.0, (VOLUME_CELLS, 1, 1))
     cells = np.broadcast_to(np.arange(VOLUME_CELLS, dtype=np.int32), (VOLUME_CELLS,) * 3)
     place = np.full((20001, 3), 7.3)
     place[:, 0] = np.linspace(0.0, 64.0, len(place))
@@ -98,3 +106,16 @@ def test_it_changes_no_more_than_its_slope_along_a_surface(runtime: Runtime, rng
     assert np.abs(np.diff(found[:, 0])).max() < 1.01 * 64.0 / 20000 * np.abs(np.diff(records[:, 0, 0])).max()
     middles = np.interp(np.arange(64) + 0.5, place[:, 0], found[:, 0])
     np.testing.assert_allclose(middles, records[:, 0, 0], atol=1e-3)
+
+
+def test_the_next_room_lends_no_light(runtime: Runtime) -> None:
+    """A floor of which every other four cells are ten times as bright: walls may stand between them."""
+    records = np.ones((VOLUME_CELLS, FACES, 4), np.float32)
+    records[..., :3] = np.where(np.arange(VOLUME_CELLS) // 4 % 2, 10.0, 1.0)[:, None, None]
+    cells = np.broadcast_to(np.arange(VOLUME_CELLS, dtype=np.int32), (VOLUME_CELLS,) * 3)
+    place = np.full((20000, 3), 7.3)
+    place[:, 0] = (np.arange(len(place)) + 0.5) * (64.0 / len(place))
+    normal = np.tile((0.0, 1.0, 0.0), (len(place), 1))
+    found = smooth(runtime, np.append(cells.ravel(), np.zeros(4, np.int32)), records, place, normal)
+    own = records[np.floor(place[:, 0]).astype(int), 0, 0]
+    np.testing.assert_allclose(found[:, 0], own, rtol=1e-6)

@@ -51,7 +51,7 @@ class Emitters:
     def of(cls, scene: Scene) -> Emitters:
         """Return those of a scene; none may be there."""
         radiance = np.array([mean_emission(scene, m) * m.emits for m in scene.materials]).reshape(-1, 3)
-        chosen = np.flatnonzero(radiance.any(axis=1)[scene.material_ids])
+        chosen = np.flatnonzero(np.any(radiance > 0.0, axis=1)[scene.material_ids])
         corners = scene.positions[scene.triangles[chosen]].astype(np.float64)
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         area = 0.5 * np.linalg.norm(normal, axis=1)

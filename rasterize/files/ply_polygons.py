@@ -45,10 +45,12 @@ def as_triangles(header: bytes, data: bytes) -> bytes:
     polygons = rows["face"]
     indices = next(polygons[name] for name in INDEX_LISTS if name in polygons)
     counts = np.array([len(each) for each in indices], dtype=np.int64)
-    corners = np.concatenate([*indices, np.zeros(0)]).astype(np.int64)
+    numbers = np.concatenate([*indices, np.zeros(0)])
     points = np.stack([rows["vertex"][axis] for axis in "xyz"], axis=1).astype(np.float64)
-    if len(corners) and not (corners.min() >= 0 and corners.max() < len(points)):
-        raise SceneError(f"a face refers to vertex {int(corners.max())}, but there are {len(points)}")
+    astray = numbers[~((numbers >= 0) & (numbers < len(points)))]  # NaN is
+    if len(astray):
+        raise SceneError(f"a face refers to vertex {astray[0]:.0f}, but there are {len(points)}")
+    corners = numbers.astype(np.int64)
     cut, owner = triangulate(counts, points[corners])
     made: dict[str, NDArray[Any]] = {}
     text = ["ply", "format binary_little_endian 1.0", f"element vertex {vertex.count}"]
@@ -151,5 +153,17 @@ def _binary_rows(elements: list[_Element], data: bytes, order: str) -> dict[str,
 
 def _columns(element: _Element, values: dict[str, list[Any]]) -> dict[str, Any]:
     return {
-        name: values[name] if count else np.array(values[name], dtype=kind) for name, kind, count in element.properties
+        name: values[name] if count else _column(name, kind, np.array(values[name]))
+        for name, kind, count in element.properties
     }
+
+
+def _column(name: str, kind: str, values: NDArray[Any]) -> NDArray[Any]:
+    """Return values as the type of their property; of floats, what is beyond it becomes infinite."""
+    dtype = np.dtype(kind)
+    if dtype.kind != "f" and len(values):
+        least, most = np.iinfo(dtype).min, np.iinfo(dtype).max
+        if not (values.min() >= least and values.max() <= most):
+            raise SceneError(f"{name} is {values.min():g} to {values.max():g}: expected {least} to {most}")
+    with np.errstate(over="ignore"):
+        return values.astype(dtype)

@@ -73,7 +73,22 @@ def test_a_file_that_ends_within_a_polygon_is_refused(tmp_path: Path, form: str)
         load_scene(written(tmp_path, "a.ply", ply(form)[:-5]))
 
 
-def test_a_vertex_that_is_not_there_is_named(tmp_path: Path) -> None:
-    text = ply("ascii").replace(b"1 6 2 10 20", b"1 6 7 10 20")
-    with pytest.raises(SceneError, match="a face refers to vertex 7, but there are 7"):
+@pytest.mark.parametrize("vertex", ["7", "-1", "nan", "1e300"])
+def test_a_vertex_that_is_not_there_is_named(tmp_path: Path, vertex: str) -> None:
+    text = ply("ascii").replace(b"1 6 2 10 20", f"1 6 {vertex} 10 20".encode())
+    with pytest.raises(SceneError, match=f"a face refers to vertex {float(vertex):.0f}, but there are 7"):
+        load_scene(written(tmp_path, "a.ply", text))
+
+
+@pytest.mark.parametrize("value", ["300", "-1", "nan"])
+def test_a_value_beyond_its_type_is_named(tmp_path: Path, value: str) -> None:
+    text = ply("ascii").replace(b"1 6 2 10 20", f"1 6 2 {value} 20".encode())
+    with pytest.raises(SceneError, match=f"{value}.*expected 0 to 255"):
+        load_scene(written(tmp_path, "a.ply", text))
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_place_beyond_float32_is_refused(tmp_path: Path) -> None:
+    text = ply("ascii").replace(b"0 0 0", b"1e300 0 0", 1)
+    with pytest.raises((SceneError, ValueError), match=r"inf|finite"):
         load_scene(written(tmp_path, "a.ply", text))

@@ -17,10 +17,9 @@
 //                   what rays meet, in lengths of the receivers
 // Macros:  GATHER_RAYS, GATHER_KEPT (0, 1), RAYS_ONE (0, 1), GATHER_ITEMS: work-items that share
 //          the rays of a sample, 1 or, with one lane, a power of two up to SSGI_GROUP
-// Params:  RaysParams; GatherParams: cells of the volume per unit of the hierarchy's space and
-// where
-//          its origin is in cells; length of rays; columns and rows that the tiles are moved by;
-//          begin, most: pieces of SSGI_LANES samples before those of the launch, and its own at
+// Params:  RaysParams; GatherParams: cells of the volume per unit of the hierarchy's space, and
+//          where its origin is in cells; length of rays; columns and rows that the tiles are moved
+//          by; begin, most: pieces of SSGI_LANES samples before those of the launch, and its own at
 //          most
 // Launch:  any number of work-items, each of which takes every so-many-th piece of SSGI_LANES; with
 //          more GATHER_ITEMS as many as samples have, in work-groups of SSGI_GROUP

@@ -8,11 +8,11 @@
 // inner side behind the last layer.
 //
 // Reads:   depth  THICKNESS_LAYERS x [rows, columns], scene units; INFINITY where nothing is
-//          sides  likewise, see raster_attributes
 //          backs  [rows, columns] depth of the first inner side behind the last layer, INFINITY
 //                 where there is none
 // Writes:  thickness  THICKNESS_LAYERS x [rows, columns], scene units: 0 for an inner side; -1
-//                     where it is not known
+//                     where it is not known; holds the side that each layer shows before, see
+//                     raster_attributes
 // Macros:  THICKNESS_LAYERS (>= 1)
 // Launch:  SSGI_LANES pixels of a row per work-item
 // Cost:    memory: 3 planes a layer and 1
@@ -24,14 +24,14 @@
 #endif
 
 // The side that a layer shows; layers are drawn where anything may be seen alone.
-static inline vfloat raster_turned(ssgi_plane sides, const vfloat depth, const int2 size,
-                                   const int layer, const int x, const int y)
+static inline vfloat raster_turned(__global const float *thickness, const vfloat depth,
+                                   const int2 size, const int layer, const int x, const int y)
 {
-    return v_select(v_splat(0.0f), ssgi_load(sides, size, layer, x, y),
+    return v_select(v_splat(0.0f), v_load(thickness + ssgi_index(size, layer, x, y)),
                     v_lt(depth, v_splat(INFINITY)));
 }
 
-__kernel void raster_thickness(ssgi_plane depth, ssgi_plane sides, ssgi_plane backs,
+__kernel void raster_thickness(ssgi_plane depth, ssgi_plane backs,
                                __global float *restrict thickness, const int2 size)
 {
     const int x = ssgi_first_column();
@@ -43,7 +43,7 @@ __kernel void raster_thickness(ssgi_plane depth, ssgi_plane sides, ssgi_plane ba
     vfloat begun = zero; // solids that the layers so far began and did not end
     for (int layer = 0; layer < THICKNESS_LAYERS; ++layer) {
         const vfloat own = ssgi_load(depth, size, layer, x, y);
-        const vfloat side = raster_turned(sides, own, size, layer, x, y);
+        const vfloat side = raster_turned(thickness, own, size, layer, x, y);
         const vmask outer = v_gt(side, zero), inner = v_lt(side, zero);
         vfloat found = v_select(none, zero, inner & v_gt(begun, zero));
         if (v_any(outer)) {
@@ -51,7 +51,7 @@ __kernel void raster_thickness(ssgi_plane depth, ssgi_plane sides, ssgi_plane ba
             vmask open = outer, ending = v_splat_int(0);
             for (int other = layer + 1; other < THICKNESS_LAYERS && v_any(open); ++other) {
                 const vfloat at = ssgi_load(depth, size, other, x, y);
-                const vfloat turned = raster_turned(sides, at, size, other, x, y);
+                const vfloat turned = raster_turned(thickness, at, size, other, x, y);
                 inside = inside + turned;
                 const vmask ends = open & v_lt(turned, zero);
                 open = open & ~(ending & v_gt(turned, zero));

@@ -426,7 +426,8 @@ class Rasterizer:
         # A deeper layer begins behind the one before.
         depths = [array(self._pixels, np.float32) for _ in range(min(target.layers + self.thickness, 2))]
         seen = array(self._pixels, np.int32)
-        sides = self.runtime.transient.plane(target.layers, whole) if self.thickness else None
+        # Its thickness takes the place of the side that a layer shows.
+        sides = target.take_thickness(target.layers) if self.thickness else None
         drawn: Region | None = None
         for layer, region in enumerate(regions):
             shaded = layer < target.attributes
@@ -465,16 +466,17 @@ class Rasterizer:
         visible: Visible,
         depths: DeviceArray,
         last: DeviceArray,
-        sides: Plane,
+        thickness: Plane,
         region: Region | None,
     ) -> None:
         """Queue the passes that draw the inner sides behind the last layer, and write the thickness of all.
 
         Args:
-            scene, lists, visible: of the last layer, whose triangles are overwritten.
+            scene, visible: of the last layer, whose triangles are overwritten.
+            lists: of the scene; their memory is free afterwards.
             depths: memory for D of the inner sides.
             last: D of the last layer.
-            sides: of all layers, as `_write_attributes` wrote them.
+            thickness: sides of all layers, as `_write_attributes` wrote them; becomes the thickness.
             region: where the front layer was drawn.
         """
         target = self.target
@@ -483,17 +485,13 @@ class Rasterizer:
         self._run_tiles(
             "raster/raster_tiles.cl", peel, scene, lists, behind, depths, region, previous=last, closed=scene.closed
         )
+        lists.clear()
         backs = self.runtime.transient.plane(1, target.whole, math.inf)
         self.runtime.kernel("raster/raster_depth.cl", structs=STRUCTS).run(
             target.whole, region=region, depths=depths, depth=backs, camera=behind.camera, view=VIEW.pack(behind.view)
         )
         self.runtime.kernel("raster/raster_thickness.cl", {"THICKNESS_LAYERS": target.layers}).run(
-            target.whole,
-            region=region,
-            depth=target.depth,
-            sides=sides,
-            backs=backs,
-            thickness=target.take_thickness(target.layers),
+            target.whole, region=region, depth=target.depth, backs=backs, thickness=thickness
         )
 
     def _run_tiles(

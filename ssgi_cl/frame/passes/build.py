@@ -107,6 +107,7 @@ class Build:
             self.size,
             punctual_lights=self.layer or self.params.kind != "ssdo",
             smooth=self.params.edge_places > 0,
+            kept=self.params.kind != "direct" and not self.layer,
         )
 
     @cached_property

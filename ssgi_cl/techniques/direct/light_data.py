@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.lights import DirectionalLight, Environment, Light, PointLight, SpotLight, light_extent
 from ssgi_cl.device.active_region import Region
-from ssgi_cl.device.arrays import DeviceArray, Plane, Size
+from ssgi_cl.device.arrays import DeviceArray, Plane, Size, plane_bytes
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.device.structs import CAMERA, ROTATION, Struct, camera_values, floats, ints, rotation_values
@@ -100,6 +100,8 @@ class PunctualLights:
         self.size = size
         self.smooth = smooth
         self._irradiance = Target(runtime, 3, size, kept=kept)
+        if not kept:
+            runtime.transient.reserve(plane_bytes(3, size))
 
     def run(
         self, gbuffer: DeviceGBuffer, lights: Sequence[Light], *, shadows: Sequence[ShadowMap | None] | None = None

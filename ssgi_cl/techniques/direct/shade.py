@@ -54,7 +54,7 @@ class Shade(Prepared[ShadeParams]):
         size: (rows, columns) of the images.
         params: see `ShadeParams`.
         punctual_lights: whether `light` will be called.
-        smooth: see `PunctualLights`.
+        smooth, kept: see `PunctualLights`.
     """
 
     def __init__(
@@ -65,11 +65,12 @@ class Shade(Prepared[ShadeParams]):
         *,
         punctual_lights: bool = True,
         smooth: bool = False,
+        kept: bool = True,
     ) -> None:
         self.runtime = runtime
         self.size = size
         self._params = params or ShadeParams()
-        self._new_lights = partial(PunctualLights, runtime, size, smooth=smooth)
+        self._new_lights = partial(PunctualLights, runtime, size, kept=kept, smooth=smooth)
         self._punctual_lights = self._new_lights() if punctual_lights else None
         self._radiance = runtime.plane(3, size)
         self._ambient = Ambient(runtime)

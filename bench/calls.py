@@ -22,7 +22,7 @@ from ssgi_cl.rasterize import gbuffer as drawn
 from ssgi_cl.rasterize import rsm as drawn_map
 from ssgi_cl.rasterize.raster.blended_layers import blended_layers
 from ssgi_cl.rasterize.raster.shadow_map import shadow_maps
-from ssgi_cl.rasterize.scenes import BUILTIN_SCENES
+from ssgi_cl.rasterize.scenes import BUILTIN_SCENES, make_scene
 from ssgi_cl.techniques.ao.gtao import gtao
 from ssgi_cl.techniques.ao.multi_bounce import multi_bounce
 from ssgi_cl.techniques.area_lights.area_lights import area_lights
@@ -120,6 +120,18 @@ def drawing(given: Inputs, runtime: Runtime) -> Iterator[Array]:
     for own in given.maps:
         side = own.cameras[0].width
         yield np.asarray(drawn_map(given.scene, own.light, size=side, runtime=runtime).flux)
+
+
+def moving(given: Inputs, runtime: Runtime) -> Iterator[Array]:
+    """Yield motion of a G-buffer whose camera was elsewhere, and thickness of its layers, of closed surfaces."""
+    made = make_scene("spot-300")
+    camera = made.camera(*given.view.size[::-1])
+    shift = np.eye(4)
+    shift[:3, 3] = 0.05, 0.02, 0.1
+    before = replace(camera, view=shift @ camera.view)
+    gbuffer = drawn(made.scene, camera, layers=2, thickness=True, previous_camera=before, runtime=runtime)
+    yield np.asarray(gbuffer.motion)
+    yield np.asarray(gbuffer.thickness)
 
 
 def view_normals(given: Inputs, runtime: Runtime) -> Iterator[Array]:
@@ -317,6 +329,7 @@ def accumulated(given: Inputs, runtime: Runtime) -> Iterator[Array]:
 
 CALLS: Mapping[str, Call] = {
     "drawing": drawing,
+    "motion and thickness": moving,
     "view normals": view_normals,
     "device memory": exchanged,
     "shadow maps": drawn_maps,

@@ -16,8 +16,8 @@
 #include "raster/seen.clh"
 #include "raster/triangle.clh"
 
-#ifndef RASTER_LONGEST
-#error "RASTER_LONGEST must be defined by the host"
+#if !defined(RASTER_STEP) || !defined(RASTER_LONGEST)
+#error "RASTER_STEP and RASTER_LONGEST must be defined by the host"
 #endif
 
 typedef struct {

@@ -220,7 +220,7 @@ static inline bool raster_is_inner(const int number, __global const int *restric
     }
     const float3 across = cross(at[1] - at[0], at[2] - at[0]);
     const float away = camera.perspective != 0.0f ? dot(across, at[0]) : -across.z;
-    return outward * away > 0.0f;
+    return (float)outward * away > 0.0f;
 }
 #endif
 

@@ -19,7 +19,6 @@ import numpy as np
 
 from ssgi_cl.bench.every import everything, opened
 from ssgi_cl.device.opencl import opencl
-from ssgi_cl.techniques.radiosity import gaps
 
 WORD = 4
 """Bytes: all that the library writes has a multiple of them."""
@@ -123,7 +122,6 @@ def by_kernels() -> None:
 
 def main(lanes: int, storage: str) -> None:
     by_kernels()
-    gaps.PATHS = 64  # of light out of gaps, each as the others
     runtime = opened(lanes, storage)
     runtime.shares_memory = False  # what is written to mapped memory passes by all functions
     everything(runtime)

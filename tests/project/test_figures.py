@@ -106,7 +106,8 @@ def test_all_documents_are_of_one_revision_and_machine() -> None:
 
 def test_bias_of_visibility_is_measured_on_all_built_in_scenes_and_views() -> None:
     scenes = figures.PLANS["indirect"].cases
-    assert set(scenes) == {*BUILTIN_SCENES, *figures.MESH_VIEWS}
+    # veach_ajar has no light but its emissive surfaces.
+    assert set(scenes) == {*BUILTIN_SCENES, *figures.MESH_VIEWS} - {"veach_ajar"}
     for patterns in scenes.values():
         cases = suite.select(patterns, ["cornell_box"], [(8, 6)])
         names = {f"{case.family}.{case.setting}" for case in cases}

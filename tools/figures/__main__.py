@@ -132,7 +132,6 @@ PLANS: Mapping[str, Plan] = {
         {
             "cornell_box": (*WALLS, *CUTS, *LOBES, *FAR),
             "hall": (*WALLS, *CUTS, *FAR),
-            "veach_ajar": (*WALLS, *FAR),
             "sponza": (*FAR, *VISIBILITY),
             **dict.fromkeys(("parlour", "workshop", "terrace", "country_kitchen"), VISIBILITY),
         },

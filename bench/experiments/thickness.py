@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from statistics import median
 
 import click
 
 from ssgi_cl import truth
-from ssgi_cl.bench.options import PixelSize, device_option
+from ssgi_cl.bench.options import PixelSize, device_option, meshes_option
 from ssgi_cl.bench.wording import number
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.raster.rasterizer import Rasterizer
 from ssgi_cl.rasterize.raster.view import device_scene, downloaded, margin_of
-from ssgi_cl.rasterize.scenes import KINDS, make_scene
+from ssgi_cl.rasterize.scenes import KINDS
 from ssgi_cl.techniques.ao.bitmask import BitmaskAo, BitmaskParams
 from ssgi_cl.truth import metrics
 from ssgi_cl.tuning.context import Context, TruthSettings
+from ssgi_cl.tuning.measured_scenes import views_of
 from ssgi_cl.tuning.trials import geometric_mean
 
 OVERSCAN = 0.1
@@ -52,16 +54,20 @@ class Drawn:
         context: the view.
         layers: of depth.
         thickness: whether that is drawn too.
+        taps: of a side of a slice where it is; by default those of `BitmaskParams`.
         overscan: share of the image on every side.
     """
 
-    def __init__(self, context: Context, layers: int, *, thickness: bool, overscan: float = 0.0) -> None:
+    def __init__(
+        self, context: Context, layers: int, *, thickness: bool, taps: int | None = None, overscan: float = 0.0
+    ) -> None:
         self._context = context
         margin = margin_of(context.camera, overscan)
         self._rasterizer = Rasterizer(context.runtime, context.size, layers=layers, margin=margin, thickness=thickness)
-        self._technique = BitmaskAo(
-            context.runtime, context.size, BitmaskParams(radius=context.radius), margin, layers=layers
-        )
+        params = BitmaskParams(radius=context.radius)
+        if thickness and taps is not None:
+            params = replace(params, taps=taps)
+        self._technique = BitmaskAo(context.runtime, context.size, params, margin, layers=layers)
 
     def draw(self) -> DeviceGBuffer:
         """Draw the G-buffer and return it."""
@@ -90,20 +96,21 @@ class Drawn:
         return 1e3 * (time.process_time() - start)
 
 
-def worth(context: Context, layers: int) -> Worth:
-    """Return what thickness is worth in a view."""
-    guessed, known = (
-        Drawn(context, layers, thickness=given, overscan=OVERSCAN if layers > 1 else 0.0) for given in (False, True)
-    )
+def worth(context: Context, layers: int, taps: int | None = None) -> Worth:
+    """Return what thickness is worth in a view; `taps` as of `Drawn`."""
+    overscan = OVERSCAN if layers > 1 else 0.0
+    guessed, known = (Drawn(context, layers, thickness=given, taps=taps, overscan=overscan) for given in (False, True))
     return Worth(context.view.name, layers, guessed.floor(), guessed.error(), known.error())
 
 
-def ratios(context: Context, runs: int) -> tuple[float, float]:
+def ratios(context: Context, runs: int, taps: int | None = None) -> tuple[float, float]:
     """Return the time with one layer and thickness, and with two layers, over that with one layer.
 
-    Processor time, the three measured one after the other; medians of the ratios of so many runs.
+    Processor time, the three measured one after the other; medians of the ratios of so many runs. `taps` as of `Drawn`.
     """
-    one, thick, two = (Drawn(context, layers, thickness=given) for layers, given in ((1, False), (1, True), (2, False)))
+    one, thick, two = (
+        Drawn(context, layers, thickness=given, taps=taps) for layers, given in ((1, False), (1, True), (2, False))
+    )
     for each in (one, thick, two):
         each.cpu_ms()  # compiles and allocates
     found = []
@@ -135,32 +142,39 @@ def table(found: Sequence[Worth]) -> str:
 @click.command()
 @click.option("--kind", "kinds", multiple=True, default=tuple(KINDS), show_default=True, help="Several times.")
 @click.option("--seed", "seeds", multiple=True, type=int, default=(400, 401, 402), show_default=True)
+@click.option("--scene", "scenes", multiple=True, help="In place of generated ones; as of `ssgi bench`. Several times.")
+@meshes_option
 @click.option("--size", type=PixelSize(), default="320x240", show_default=True)
 @click.option("--truth-rays", default=256, show_default=True, type=click.IntRange(2, 1 << 20))
 @click.option("--runs", default=0, show_default=True, help="Measure times in so many runs, and no errors.")
+@click.option("--taps", type=click.IntRange(1, 64), help="Where thickness is known; by default as many as without.")
 @device_option
 def main(
     kinds: tuple[str, ...],
     seeds: tuple[int, ...],
+    scenes: tuple[str, ...],
+    meshes: Path | None,
     size: tuple[int, int],
     truth_rays: int,
     runs: int,
+    taps: int | None,
     device: str | None,
 ) -> None:
-    """Print the error of `bitmask_ao` on generated scenes with guessed and with known ends of surfaces.
+    """Print the error of `bitmask_ao` with guessed and with known ends of surfaces, on generated scenes by default.
 
     The floor is the error of rays against the layers alone.
     """
     runtime = Runtime.open(device)
     found = []
-    for name in (f"{kind}-{seed}" for kind in kinds for seed in seeds):
-        context = Context(runtime, make_scene(name), size, TruthSettings(rays=truth_rays))
+    names = scenes or tuple(f"{kind}-{seed}" for kind in kinds for seed in seeds)
+    for name, view in views_of(names, runtime, meshes).items():
+        context = Context(runtime, view, size, TruthSettings(rays=truth_rays))
         if runs:
-            thick, two = ratios(context, runs)
+            thick, two = ratios(context, runs, taps)
             click.echo(f"{name}: time of one layer with thickness {thick:.2f}, of two layers {two:.2f} of one layer's")
             continue
         for layers in LAYERS:
-            found.append(worth(context, layers))
+            found.append(worth(context, layers, taps))
             one = found[-1]
             errors = ", ".join(number(error) for error in (one.floor, one.guessed, one.known))
             click.echo(f"{name}, {layers} layers: floor, guessed, known: {errors}", err=True)

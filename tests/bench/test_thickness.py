@@ -26,6 +26,13 @@ def test_rods_in_a_closed_room_err_less_where_their_ends_are_known(runtime: Runt
     assert known < 0.9 * guessed  # .78 at 320 x 240
 
 
+def test_taps_are_those_of_known_ends_alone(runtime: Runtime) -> None:
+    context = Context(runtime, make_scene("rods-302"), (30, 40), TruthSettings(rays=16))
+    for given in (False, True):
+        few, many = (Drawn(context, 1, thickness=given, taps=taps).error() for taps in (3, None))
+        assert (few != many) == given
+
+
 def test_ratios_are_positive(runtime: Runtime) -> None:
     context = Context(runtime, make_scene("rods-302"), (30, 40), TruthSettings(rays=16))
     assert all(ratio > 0.0 for ratio in ratios(context, 1))

@@ -67,7 +67,7 @@ def direct_frame(build: Build) -> list[Stage]:
 
 def directly_lit(build: Build) -> list[Stage]:
     """Return the passes of direct and ambient light at the surfaces of a G-buffer."""
-    return [direct_light(build, on_demand=True), *history(build), combine(build, DIRECT, ambient=True)]
+    return [direct_light(build), *history(build), combine(build, DIRECT, ambient=True)]
 
 
 def one_bounce_frame(build: Build) -> list[Stage]:

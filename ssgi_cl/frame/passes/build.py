@@ -57,6 +57,11 @@ class Build:
         return self.params.margin(self.size)
 
     @property
+    def keeps_direct_light(self) -> bool:
+        """Whether direct light stays for other frames; else it lives until it is summed up, made for each sum."""
+        return self.params.kind != "direct" and not self.layer
+
+    @property
     def lit(self) -> str:
         """The resource that has all light of the surfaces of a G-buffer."""
         return GLOSSY if self.params.kind == "whole" else MATT
@@ -107,7 +112,7 @@ class Build:
             self.size,
             punctual_lights=self.layer or self.params.kind != "ssdo",
             smooth=self.params.edge_places > 0,
-            kept=self.params.kind != "direct" and not self.layer,
+            kept=self.keeps_direct_light,
         )
 
     @cached_property

@@ -7,12 +7,12 @@ from ssgi_cl.frame.passes.resources import DIRECT, GBUFFER, LIGHTS, SHADOWS
 from ssgi_cl.frame.stage import Stage
 
 
-def direct_light(build: Build, writes: str = DIRECT, *, on_demand: bool = False) -> Stage:
-    """Return the pass; on demand its light lives until it is summed up, and is made anew for each sum."""
+def direct_light(build: Build, writes: str = DIRECT) -> Stage:
+    """Return the pass."""
     return Stage(
         name="direct light",
         reads=(GBUFFER, LIGHTS, SHADOWS),
         writes=(writes,),
         run=lambda r: build.shade.light(r[GBUFFER], r[LIGHTS], shadows=r[SHADOWS]),
-        on_demand=on_demand,
+        on_demand=not build.keeps_direct_light,
     )

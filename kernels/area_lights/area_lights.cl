@@ -235,13 +235,12 @@ area_lights(ssgi_plane depth, ssgi_plane normal, __global const float *restrict 
                            zero,
                            zero,
                            zero};
-#pragma unroll
             for (int i = 0; i < AREA_RAYS; ++i) {
                 vfloat u = v_load(numbers + (3 * i + 1) * AREA_PITCH);
                 vfloat v = v_load(numbers + (3 * i + 2) * AREA_PITCH);
                 const vint quantile =
-                    v_iclamp(v_to_int(turn[i] * AREA_QUANTILES), 0, AREA_QUANTILES - 1);
-                const vint s = (chosen[i] * AREA_QUANTILES + quantile) * AREA_SOURCE;
+                    v_iclamp(v_to_int(turn[0] * AREA_QUANTILES), 0, AREA_QUANTILES - 1);
+                const vint s = (chosen[0] * AREA_QUANTILES + quantile) * AREA_SOURCE;
                 const vmask over = v_gt(u + v + v_gather(sources + 12, s), one);
                 u = v_select(u, one - u, over);
                 v = v_select(v, one - v, over);
@@ -259,15 +258,15 @@ area_lights(ssgi_plane depth, ssgi_plane normal, __global const float *restrict 
                 const vfloat squared = v_max(area_dot(to, to), v_splat(AREA_TINY));
                 const vfloat received = v_max(area_dot(to, n), zero);
                 vfloat sent = -area_dot(to, facing);
-                const vint e = chosen[i] * AREA_EMITTER;
+                const vint e = chosen[0] * AREA_EMITTER;
                 const vmask both = v_ne(v_gather(emitters + 15, e), zero);
                 sent = v_max(v_select(sent, v_abs(sent), both), zero);
                 // Irradiance over the probability of the emitter, area and point.
                 const vfloat geometry = received * sent / (squared * squared);
                 const vfloat weight = v_select(zero,
                                                geometry * v_gather(emitters + 17, e) * total /
-                                                   v_max(given_by[i], v_splat(1e-30f)),
-                                               lit & v_gt(given_by[i], zero));
+                                                   v_max(given_by[0], v_splat(1e-30f)),
+                                               lit & v_gt(given_by[0], zero));
                 ray.wx = to.x * (1.0f - AREA_SHORT);
                 ray.wy = to.y * (1.0f - AREA_SHORT);
                 ray.wz = to.z * (1.0f - AREA_SHORT);
@@ -294,6 +293,13 @@ area_lights(ssgi_plane depth, ssgi_plane normal, __global const float *restrict 
                     meant[j] = v_fma(weight, bright, meant[j]);
                 }
 #endif
+                // The next one moves to the front: arrays that a variable indexes lie in memory.
+#pragma unroll
+                for (int r = 1; r < AREA_RAYS; ++r) {
+                    chosen[r - 1] = chosen[r];
+                    turn[r - 1] = turn[r];
+                    given_by[r - 1] = given_by[r];
+                }
             }
         }
     }

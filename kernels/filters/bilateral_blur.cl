@@ -126,6 +126,9 @@ __kernel void bilateral_blur(ssgi_plane value, ssgi_plane linear, ssgi_plane nor
     // Beside the image, linear is INFINITY unless there is a margin; value is nothing in any case.
     const bool cut = params.margin_columns > 0 && (x < reach || x + SSGI_LANES + reach > size.x);
 
+#if SSGI_LANES == 1 && BLUR_COUNT > 4 // what a sample takes fills the registers
+#pragma unroll 1
+#endif
     for (int dy = first; dy <= last; ++dy) {
         vfloat off[BLUR_ROWS];
 #pragma unroll
@@ -133,6 +136,9 @@ __kernel void bilateral_blur(ssgi_plane value, ssgi_plane linear, ssgi_plane nor
             // Not added up: the first row of the window depends on the rows of a work-item.
             off[r] = v_fma(v_splat((float)(dy - r)), fit[r].off_y, off_left[r]);
         }
+#if SSGI_LANES == 1 && BLUR_COUNT > 4
+#pragma unroll 1
+#endif
         for (int dx = -reach; dx <= reach; ++dx) {
             vfloat u = ssgi_load(linear, whole, 0, at_x + dx, at_y + dy);
             const vfloat mx = ssgi_load(normal, whole, 0, at_x + dx, at_y + dy);

@@ -72,15 +72,18 @@ __kernel void upsample_blur_rows(ssgi_plane coarse, ssgi_plane coarse_linear,
     }
     // Beside the image, linear is INFINITY unless there is a margin; coarse is nothing in any case.
     const bool cut = params.margin_columns > 0 && (x < -first || x + SSGI_LANES + last > small.x);
-    int at = ssgi_pixel(small_whole, from_x + first, from_y);
-    int value_at = ssgi_pixel(small, x + first, y);
+    const int at = ssgi_pixel(small_whole, from_x, from_y);
+    const int value_at = ssgi_pixel(small, x, y);
     int distance = BLUR_RADIUS + UPSAMPLE_STEP + first * step;
+#if SSGI_LANES == 1
+#pragma unroll 1
+#endif
     for (int d = first; d <= last; ++d) {
-        vfloat u = ssgi_load_at(coarse_linear, small_whole, 0, at);
-        const vfloat mx = ssgi_load_at(coarse_normal, small_whole, 0, at);
-        const vfloat my = ssgi_load_at(coarse_normal, small_whole, 1, at);
-        const vfloat mz = ssgi_load_at(coarse_normal, small_whole, 2, at);
-        const vfloat value = ssgi_load_at(coarse, small, 0, value_at);
+        vfloat u = ssgi_load_beside(coarse_linear, small_whole, 0, at, d);
+        const vfloat mx = ssgi_load_beside(coarse_normal, small_whole, 0, at, d);
+        const vfloat my = ssgi_load_beside(coarse_normal, small_whole, 1, at, d);
+        const vfloat mz = ssgi_load_beside(coarse_normal, small_whole, 2, at, d);
+        const vfloat value = ssgi_load_beside(coarse, small, 0, value_at, d);
         if (cut) {
             u = v_select(v_splat(INFINITY), u, v_within(v_iota() + (x + d), small.x));
         }
@@ -92,8 +95,6 @@ __kernel void upsample_blur_rows(ssgi_plane coarse, ssgi_plane coarse_linear,
             total[p] = total[p] + weight;
             off[p] = off[p] + fit[p].off_x;
         }
-        ++at;
-        ++value_at;
         distance += step;
     }
 #pragma unroll

@@ -35,13 +35,13 @@
 
 __kernel void
 reflect_mirror(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo, ssgi_plane specular,
-               ssgi_plane gloss, ssgi_plane radiance, ssgi_plane light,
-               __global const float *restrict sky, __global const int *restrict places,
-               __global const int *restrict cells, __global const float *restrict volume,
-               __global const float *restrict nodes, __global const float *restrict blocks,
-               __global const float *restrict triangles, __global const float *restrict surfaces,
-               __global float *restrict reflected, const int2 size, const SsgiCamera camera,
-               const ReflectParams params)
+               ssgi_plane gloss, __global const float *restrict radiance,
+               __global const float *restrict light, __global const float *restrict sky,
+               __global const int *restrict places, __global const int *restrict cells,
+               __global const float *restrict volume, __global const float *restrict nodes,
+               __global const float *restrict blocks, __global const float *restrict triangles,
+               __global const float *restrict surfaces, __global float *restrict reflected,
+               const int2 size, const SsgiCamera camera, const ReflectParams params)
 {
     const int x = ssgi_first_column();
     const int y = (int)get_global_id(1);
@@ -177,17 +177,23 @@ reflect_mirror(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo, ssgi_pla
                 sky_radiance(sky, places, wx, wy, wz, angle, params.texels_per_angle, params.levels,
                              open);
             }
+#pragma unroll 1
             for (int c = 0; c < 3; ++c) {
                 // What a smooth surface mirrors is what the next leg meets.
-                vfloat arriving = v_select(open[c], sent[c], hidden);
+                vfloat arriving = v_select(open[0], sent[0], hidden);
                 arriving = v_select(arriving, v_gather(surfaces, own + c), glows);
                 if (v_any(shown)) {
                     const vfloat image = reflect_image(pixel, c, smooth, albedo, specular, gloss,
                                                        whole, light, radiance, size);
                     arriving = v_select(arriving, image, shown);
                 }
-                sum[c] = sum[c] + v_select(zero, arriving * left[c], above);
-                left[c] = left[c] * v_gather(surfaces, own + 4 + c);
+                const vfloat total = sum[0] + v_select(zero, arriving * left[0], above);
+                const vfloat rest = left[0] * v_gather(surfaces, own + 4 + c);
+                // The next channel moves to the front: arrays that a variable indexes lie in
+                // memory.
+                sum[0] = sum[1], left[0] = left[1], open[0] = open[1], sent[0] = sent[1];
+                sum[1] = sum[2], left[1] = left[2], open[1] = open[2], sent[1] = sent[2];
+                sum[2] = total, left[2] = rest;
             }
             // On from what mirrors.
             above = smooth;

@@ -62,15 +62,14 @@ SSGI_LARGE vmask reflect_blocked(__global const int *restrict occupancy, const O
     return occupancy_meets(occupancy, from, to, wanted, where);
 }
 
-__kernel void reflect_trace(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo,
-                            ssgi_plane specular, ssgi_plane gloss, ssgi_plane radiance,
-                            ssgi_plane light, __global const float *restrict sky,
-                            __global const int *restrict places, __global const int *restrict cells,
-                            __global const float *restrict volume,
-                            __global const int *restrict occupancy,
-                            __global const float *restrict grid_box,
-                            __global float *restrict reflected, const int2 size,
-                            const SsgiCamera camera, const ReflectParams params)
+__kernel void
+reflect_trace(ssgi_plane linear, ssgi_plane normal, ssgi_plane albedo, ssgi_plane specular,
+              ssgi_plane gloss, __global const float *restrict radiance,
+              __global const float *restrict light, __global const float *restrict sky,
+              __global const int *restrict places, __global const int *restrict cells,
+              __global const float *restrict volume, __global const int *restrict occupancy,
+              __global const float *restrict grid_box, __global float *restrict reflected,
+              const int2 size, const SsgiCamera camera, const ReflectParams params)
 {
     const int x = ssgi_first_column();
     const int y = (int)get_global_id(1);

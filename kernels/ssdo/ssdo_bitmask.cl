@@ -121,6 +121,10 @@ SSGI_INLINE void ssdo_scan(ssgi_plane inv_depth, const SsgiReceiver *receiver,
     for (int i = 0; i < SSDO_IMAGES; ++i) {
         images[i] = v_splat(0.0f);
     }
+#pragma unroll
+    for (int s = 0; s < 2 * SLICES_COUNT; ++s) {
+        kept[s] = v_splat_int(0);
+    }
 #pragma unroll 1
     for (int s = 0; s < SLICES_COUNT; ++s) {
         SsgiSlice slice =
@@ -149,8 +153,12 @@ SSGI_INLINE void ssdo_scan(ssgi_plane inv_depth, const SsgiReceiver *receiver,
                       images + 1);
         }
         if (BITMASK_KEPT) {
-            kept[s] = pieces.covered;
-            kept[SLICES_COUNT + s] = pieces.dark;
+            // Arrays that a variable indexes lie in memory.
+#pragma unroll
+            for (int k = 0; k < SLICES_COUNT; ++k) {
+                kept[k] = k == s ? pieces.covered : kept[k];
+                kept[SLICES_COUNT + k] = k == s ? pieces.dark : kept[SLICES_COUNT + k];
+            }
         }
     }
 #pragma unroll
@@ -163,7 +171,7 @@ SSGI_INLINE void ssdo_scan(ssgi_plane inv_depth, const SsgiReceiver *receiver,
 SSGI_INLINE void ssdo_store_kept(const vint kept[2 * SLICES_COUNT], const SsgiReceiver *receiver,
                                  __global int *images, const int2 size, const SsgiItem *item)
 {
-#pragma unroll 1
+#pragma unroll
     for (int s = 0; s < 2 * SLICES_COUNT; ++s) {
         ssgi_store_item(v_from_bits(kept[s] & receiver->active), (__global float *)images, s, size,
                         item);
@@ -199,7 +207,7 @@ ssdo_bitmask(ssgi_plane inv_depth, ssgi_plane normal, __global const float *rest
     for (int i = 0; i < SSDO_IMAGES; ++i) {
         images[i] = v_splat(0.0f);
     }
-#pragma unroll 1
+#pragma unroll
     for (int s = 0; s < 2 * SLICES_COUNT; ++s) {
         bits[s] = v_splat_int(0);
     }
@@ -217,7 +225,7 @@ ssdo_bitmask(ssgi_plane inv_depth, ssgi_plane normal, __global const float *rest
             images[i] = v_select(images[i], found[i], group.alike);
         }
         if (BITMASK_KEPT) {
-#pragma unroll 1
+#pragma unroll
             for (int s = 0; s < 2 * SLICES_COUNT; ++s) {
                 bits[s] = v_iselect(bits[s], found_bits[s], group.alike);
             }

@@ -139,24 +139,20 @@ def test_no_kernel_takes_more_local_memory_than_a_device_has_to_have() -> None:
     assert max(taken.values()) <= LOCAL_BYTES
 
 
-SCALAR = ("reflect_mirror",)
-"""Some numbers of a wave, not of its work-items, lie in lanes of registers on AMD."""
-INTEL_SCRATCH = {"area_lights": 16, "ssdo_bitmask": 8}
-"""Bytes of a work-item that ocloc alone puts into memory."""
+IN_LANES = {"reflect_mirror, image": 31}
+"""Numbers of a wave, not of its work-items, that AMD keeps in lanes of registers: five images are 40 of them."""
 
 
 def test_no_kernel_keeps_anything_in_memory() -> None:
     _, kept = gpu_static.recorded()
     for kernel, devices in kept.items():
-        name = kernel.rsplit(",", 1)[0]
         for device, usage in devices.items():
-            assert usage.scratch <= (INTEL_SCRATCH.get(name, 0) if device == INTEL else 0), (kernel, device)
-            assert usage.spills <= (35 if name in SCALAR and device == AMD else 0), (kernel, device)
+            assert usage.scratch == 0, (kernel, device)
+            assert usage.spills <= (IN_LANES.get(kernel, 0) if device == AMD else 0), (kernel, device)
 
 
-ALONG_ROWS = {"bilateral_blur": 1.32, "upsample_blur_rows": 1.2, "calibrate_copy": 1.15}
-"""Loops along a row, whose columns are offsets within a buffer's instructions: in an image each has a sum, the end of
-the row, and the place of rows beyond an image's."""
+MORE = {"calibrate_copy": 1.15}
+"""It does nothing but read and write: finding a place takes a tenth of its instructions."""
 
 
 def test_reads_of_images_cost_what_reads_of_buffers_do() -> None:
@@ -166,7 +162,7 @@ def test_reads_of_images_cost_what_reads_of_buffers_do() -> None:
         name, storage = kernel.rsplit(", ", 1)
         if storage == "buffer":
             cost = kept[f"{name}, image"][AMD].code / devices[AMD].code
-            assert cost <= ALONG_ROWS.get(name, 1.1), kernel
+            assert cost <= MORE.get(name, 1.1), kernel
 
 
 @pytest.mark.slow

@@ -133,7 +133,7 @@ def triangle_boxes(
     """Return middle and half size of a box round each run of so many triangles, [runs, 6] each."""
     runs = [np.arange(0, len(triangles), count) for count in counts]
     found = [np.empty((len(firsts), 6), np.float32) for firsts in runs]
-    corners = triangles.T.astype(np.intp)
+    corners = triangles.T.astype(np.intp, order="C")  # what is gathered lies in its order
     for axis, column in enumerate(positions.T):  # numpy is slow on rows of three numbers
         first, second, third = column[corners]
         low, high = np.minimum(np.minimum(first, second), third), np.maximum(np.maximum(first, second), third)

@@ -34,7 +34,9 @@ class SceneBvh:
         chosen = np.flatnonzero(scene.cut_out)
         number = np.zeros(len(scene.triangles), np.int32)
         number[chosen] = np.arange(1, len(chosen) + 1)
-        bvh = bvh_of(scene.positions[scene.triangles], scene.culled_backs, partial(bvh_split, runtime), number)
+        triangles = scene.triangles.T.astype(np.intp, order="C")  # what is gathered lies in its order
+        corners = np.stack([column[triangles] for column in scene.positions.T], axis=1)
+        bvh = bvh_of(corners, scene.culled_backs, partial(bvh_split, runtime), number)
         self.nodes = runtime.array(bvh.nodes)
         self.triangles = runtime.array(bvh.triangles)
         by_one = runtime.variant.lanes > 1 and len(bvh.triangles) > MANY

@@ -304,6 +304,8 @@ def _trimmed(flux: Doubles, region: Region) -> Region:
     """Return the least rectangle with all the light of one that has some."""
     top, bottom, left, right = region
     lit = flux[top:bottom, left:right] > 0.0
+    if lit.all():
+        return region
     rows, columns = np.flatnonzero(lit.any(axis=1)), np.flatnonzero(lit.any(axis=0))
     return (top + int(rows[0]), top + int(rows[-1]) + 1, left + int(columns[0]), left + int(columns[-1]) + 1)
 

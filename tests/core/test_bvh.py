@@ -26,7 +26,7 @@ def parts(bvh: Bvh) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
 
 @pytest.mark.parametrize("count", COUNTS)
 def test_a_walk_that_misses_nothing_comes_to_each_triangle_once(count: int, rng: np.random.Generator) -> None:
-    bvh = bvh_of(triangles(rng, count), np.zeros(count, bool), bvh_split)
+    bvh = bvh_of(triangles(rng, count).transpose(1, 2, 0), np.zeros(count, bool), bvh_split)
     _, leaf = parts(bvh)
     seen = np.concatenate([np.arange(v >> 3, (v >> 3) + (v & 7)) for v in leaf])
     np.testing.assert_array_equal(seen, np.arange(len(bvh.triangles)))
@@ -36,7 +36,7 @@ def test_a_walk_that_misses_nothing_comes_to_each_triangle_once(count: int, rng:
 
 @pytest.mark.parametrize("count", COUNTS)
 def test_boxes_hold_all_below_them_and_skips_pass_all_below(count: int, rng: np.random.Generator) -> None:
-    bvh = bvh_of(triangles(rng, count), np.zeros(count, bool), bvh_split)
+    bvh = bvh_of(triangles(rng, count).transpose(1, 2, 0), np.zeros(count, bool), bvh_split)
     follows, leaf = parts(bvh)
     first = bvh.triangles[:, None, :3]
     corners = np.concatenate([first, first + bvh.triangles[:, 3:9].reshape(-1, 2, 3)], axis=1)
@@ -52,7 +52,7 @@ def test_boxes_hold_all_below_them_and_skips_pass_all_below(count: int, rng: np.
 def test_large_triangles_are_cut_into_parts_of_the_same_area(rng: np.random.Generator) -> None:
     corners = triangles(rng, 50)
     corners[7] = [[-1, -1, -1], [1, -1, 0], [0, 1, 1]]
-    bvh = bvh_of(corners, np.zeros(50, bool), bvh_split)
+    bvh = bvh_of(corners.transpose(1, 2, 0), np.zeros(50, bool), bvh_split)
     number = bvh.triangles.view(np.int32)[:, 10]
     own = bvh.triangles[number == 7].astype(np.float64)
     assert len(own) > 8
@@ -63,4 +63,4 @@ def test_large_triangles_are_cut_into_parts_of_the_same_area(rng: np.random.Gene
 
 def test_the_hierarchy_of_a_mesh_of_large_triangles_stays_small(rng: np.random.Generator) -> None:
     corners = rng.uniform(-1.0, 1.0, (20_000, 3, 3)).astype(np.float32)
-    assert len(bvh_of(corners, np.zeros(len(corners), bool), bvh_split).triangles) < 2 * len(corners)
+    assert len(bvh_of(corners.transpose(1, 2, 0), np.zeros(len(corners), bool), bvh_split).triangles) < 2 * len(corners)

@@ -20,7 +20,7 @@ WIDTHS = [8, 16]
 def hierarchy(rng: np.random.Generator, count: int) -> Bvh:
     """Of small triangles all over a cube."""
     corners = rng.uniform(-1.0, 1.0, (count, 1, 3)) + rng.normal(0.0, 0.03, (count, 3, 3))
-    return bvh_of(corners.astype(np.float32), np.arange(count) % 3 == 0, bvh_split)
+    return bvh_of(corners.astype(np.float32).transpose(1, 2, 0), np.arange(count) % 3 == 0, bvh_split)
 
 
 def boxes(wide: WideBvh, node: int) -> list[tuple[NDArray[np.float32], NDArray[np.float32], int]]:
@@ -103,7 +103,7 @@ def test_the_areas_of_all_boxes_sum_to_the_least(width: int, rng: np.random.Gene
 
 
 def test_a_scene_without_triangles_has_a_node_that_no_ray_meets() -> None:
-    wide = wide_bvh_of(bvh_of(np.zeros((0, 3, 3), np.float32), np.zeros(0, bool), bvh_split), 16)
+    wide = wide_bvh_of(bvh_of(np.zeros((3, 3, 0), np.float32), np.zeros(0, bool), bvh_split), 16)
     assert wide.nodes.shape == (1, 7, 16)
     assert (wide.nodes[0, 0:3] > wide.nodes[0, 3:6]).all()
 
@@ -113,7 +113,7 @@ def test_triangles_that_halve_in_size_leave_room_for_boxes_that_wait() -> None:
     size = 2.0 ** -np.arange(120.0)
     corners = np.stack([np.outer(size, [1, 0, 0]), np.outer(size, [0, 1, 0]), np.outer(size, [1, 1, 1])], axis=1)
     many = np.repeat(corners, 40, axis=0).astype(np.float32)
-    bvh = bvh_of(many, np.zeros(len(many), bool), bvh_split)
+    bvh = bvh_of(many.transpose(1, 2, 0), np.zeros(len(many), bool), bvh_split)
     follows, deepest = bvh.nodes.view(np.int32)[:, 3], 0
     above: list[int] = []
     for node in range(len(bvh.nodes)):

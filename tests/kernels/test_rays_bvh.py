@@ -30,7 +30,7 @@ def blocked(
     wanted: Floats | None = None,
 ) -> NDArray[np.bool_]:
     """Whether each ray meets a triangle."""
-    bvh = bvh_of(corners, culled, partial(bvh_split, runtime))
+    bvh = bvh_of(corners.transpose(1, 2, 0), culled, partial(bvh_split, runtime))
     names = ("x", "y", "z", "wx", "wy", "wz")
     rays = dict(zip(names, np.concatenate([origin, way], axis=1).T.astype(np.float32), strict=True))
     tables = {"nodes": bvh.nodes.ravel(), "triangles": bvh.triangles.ravel()}
@@ -84,7 +84,7 @@ def test_the_first_triangle_that_a_ray_meets_is_found(
     corners = (rng.uniform(-1, 1, (count, 1, 3)) + rng.normal(0.0, 0.3, (count, 3, 3))).astype(np.float32)
     origin = rng.uniform(-1.5, 1.5, (2000, 3)).astype(np.float32)
     way = (rng.uniform(-1.5, 1.5, (2000, 3)) - origin).astype(np.float32)
-    bvh = bvh_of(corners, np.zeros(count, bool), partial(bvh_split, variant_runtime))
+    bvh = bvh_of(corners.transpose(1, 2, 0), np.zeros(count, bool), partial(bvh_split, variant_runtime))
     call = f"rays_closest(nodes, triangles, {RAY}, v_gt(x, v_splat(-9.0f)))"
     names = ("x", "y", "z", "wx", "wy", "wz")
     found = run_expressions(
@@ -172,7 +172,7 @@ def test_rays_one_by_one_meet_what_rays_together_meet(
         corners = (low + side * np.concatenate(faces)).reshape(-1, 3, 3)
         corners = corners[: 0 if scene == "nothing" else None]
     culled = rng.random(len(corners)) < 0.3
-    bvh = bvh_of(corners.astype(np.float32), culled, partial(bvh_split, variant_runtime))
+    bvh = bvh_of(corners.astype(np.float32).transpose(1, 2, 0), culled, partial(bvh_split, variant_runtime))
     origin = rng.uniform(-1.5, 1.5, (6000, 3)).astype(np.float32)
     way = (rng.uniform(-1.5, 1.5, (6000, 3)) - origin).astype(np.float32)
     way[:600, rng.integers(0, 3)] = 0.0

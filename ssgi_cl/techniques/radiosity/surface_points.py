@@ -103,7 +103,7 @@ def weights_at(scene: Scene, triangle: NDArray[np.intp], position: Doubles) -> D
 
 def triangle_cross(scene: Scene, chosen: Triangles) -> tuple[Doubles, Doubles, Doubles]:
     """Return x, y and z of the normals of triangles, as long as twice their areas."""
-    vertices = scene.triangles[chosen].T.astype(np.intp)
+    vertices = scene.triangles[chosen].T.astype(np.intp, order="C")  # what is gathered lies in its order
     places = [column.astype(np.float64)[vertices] for column in scene.positions.T]
     first, second = ([of[i] - of[0] for of in places] for i in (1, 2))
     return _cross(first, second)

@@ -17,7 +17,7 @@
 //          lanes, and SAMPLED_BATCH / SAMPLED_RUN too; SAMPLED_CULL: 1 where triangles may lack
 //          their back
 // Params:  size = (views, batches); number of triangles, texels along a map's side, views of a
-//          work-item
+//          work-item, the first of them
 // Launch:  one row for each batch and a column for each `each` views; with SSGI_LANES > 1 one row
 //          in all, so that a map has one work-item that writes it and no store is atomic
 // Cost:    60 operations per box and view, 90 per triangle of those that have a texel; 30 per
@@ -241,9 +241,10 @@ __kernel void sampled_depth(__global const float *restrict boxes,
                             __global const float *restrict triangles,
                             __global const int *restrict corners,
                             __global const float *restrict views, __global int *restrict maps,
-                            const int2 size, const int count, const int texels, const int each)
+                            const int2 size, const int count, const int texels, const int each,
+                            const int begin)
 {
-    const int first = (int)get_global_id(0) * each;
+    const int first = begin + (int)get_global_id(0) * each;
     for (int batch = (int)get_global_id(1); batch < size.y; batch += (int)get_global_size(1)) {
         sampled_batch(boxes, triangles, corners, views, maps, batch * SAMPLED_BATCH, count, texels,
                       first, min(first + each, size.x));

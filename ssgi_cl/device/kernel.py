@@ -113,7 +113,11 @@ class Kernel:
         with runtime.lock:
             self._kernel.set_args(*values)
             event = opencl().enqueue_nd_range_kernel(
-                runtime.queue, self._kernel, work, (group[1], group[0]), None if first is None else (first[1], first[0])
+                runtime.launching,
+                self._kernel,
+                work,
+                (group[1], group[0]),
+                None if first is None else (first[1], first[0]),
             )
         runtime.record(self.name, event, work[0] * work[1])
 

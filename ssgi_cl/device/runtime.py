@@ -20,6 +20,7 @@ from ssgi_cl.core.gbuffer_batch import image_by_image, images_in
 from ssgi_cl.core.keywords import check_keywords
 from ssgi_cl.device import drivers, image_limits, requirements
 from ssgi_cl.device.arrays import DeviceArray, Plane, Size, plane_shape
+from ssgi_cl.device.beside import SecondQueue
 from ssgi_cl.device.drivers import DeviceInfo, KernelVariant
 from ssgi_cl.device.drivers.probe_timer import speed_in_use
 from ssgi_cl.device.image_limits import ImageLimits
@@ -52,6 +53,8 @@ class Runtime:
         context: of PyOpenCL, which its memory belongs to.
         memory: the device's memory: how much is in use, the most that was, and limits.
         transient: the memory that passes share.
+        queue: in which all is done in order; `launching` is that which kernels go to.
+        second: for kernels that run beside those of the queue.
         programs: what it has compiled.
         lock: held by what another thread's work on this device must not come between.
         image_limits: of images, where kernels read those.
@@ -69,6 +72,8 @@ class Runtime:
         self.context = cl.Context([device]) if context is None else context
         profiling = cl.command_queue_properties.PROFILING_ENABLE
         self.queue = cl.CommandQueue(self.context, properties=profiling)
+        self.launching = self.queue
+        self.second = SecondQueue(self)
         self.shares_memory = bool(device.host_unified_memory) and info.kind != "gpu"
         self.image_limits = ImageLimits.of(device) if variant.storage == "image" else None
         self.memory = DeviceMemory(
@@ -368,6 +373,7 @@ class Runtime:
     def finish(self) -> None:
         """Wait for the device."""
         self.queue.finish()
+        self.second.finish()
 
 
 def serialised(function: Callable[P, T]) -> Callable[P, T]:

@@ -17,7 +17,8 @@ class PassTime:
 
     Attributes:
         name: of the pass.
-        ms: milliseconds on the device; 0 if skipped.
+        ms: milliseconds on the device, from begin to end, of those that run beside others with the time that these
+            take; 0 if skipped.
         skipped: why it was not run; empty if it ran.
         saved: milliseconds that this saves by estimate: what the pass took when it last ran; 0 if
             that is not known.

@@ -163,7 +163,7 @@ class TransientMemory:
             wanted = missing + sum(chunk.size for chunk in free)
             if wanted > memory.largest:
                 free, wanted = [], min(missing, memory.largest)
-            self.runtime.queue.finish()  # what is queued may use what goes
+            self.runtime.finish()  # what is queued may use what goes
             for chunk in free:
                 self._drop(chunk)
             free.clear()
@@ -237,7 +237,7 @@ class TransientMemory:
         """Return a new chunk of at least `size` bytes, in place of free ones that are too small."""
         dropped = 0
         chunk: Chunk | None
-        self.runtime.queue.finish()  # what is queued may use what goes
+        self.runtime.finish()  # what is queued may use what goes
         for chunk in sorted(self._chunks, key=lambda chunk: -chunk.size):
             if chunk.free and (dropped < size or not self._sharing):
                 self._drop(chunk)

@@ -18,6 +18,7 @@ from ssgi_cl.frame.passes.reflections import reflections
 from ssgi_cl.frame.passes.resources import DIRECT, INDIRECT, PUNCTUAL, SKY_LIGHT
 from ssgi_cl.frame.passes.shadow_maps import shadow_maps
 from ssgi_cl.frame.passes.sky_light import sky_light
+from ssgi_cl.frame.passes.sky_maps import sky_maps
 from ssgi_cl.frame.passes.smooth_edges import smooth_edges
 from ssgi_cl.frame.passes.ssdo import ssdo
 from ssgi_cl.frame.passes.surfels import surfels
@@ -31,6 +32,7 @@ def whole_frame(build: Build) -> list[Stage]:
         gbuffer(build),
         *ambient_occlusion(build),
         shadow_maps(build),
+        sky_maps(build),
         surfels(build),
         *fully_lit(build),
         *smooth_edges(build),

@@ -216,3 +216,11 @@ def test_layers_are_drawn_nearest_first_and_hidden_by_what_is_solid(runtime: Run
     assert gi.blended_layers(squares((0.0, 0.0, 1.0, WALL)), camera, runtime=runtime) == ()
     with pytest.raises(TypeError, match="scene is int: expected a Scene"):
         gi.blended_layers(3, camera, runtime=runtime)
+
+
+def test_layers_are_lit_by_the_depth_maps_of_the_surfaces_behind_them(runtime: Runtime) -> None:
+    panes = room(replace(TINTED, transmission=(0.8, 0.85, 0.85)), replace(PAINTED, alpha=0.95))
+    frame = gi.render(panes, ahead(), [gi.Environment(SKY)], runtime=runtime, skips=(), **LOW)
+    drawn = [entry for entry in frame.passes if entry.name == "sampled_triangles"]
+    assert len(drawn) == 1
+    assert [entry.name for entry in frame.passes].count("sampled_lights") == 3

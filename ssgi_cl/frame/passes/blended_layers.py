@@ -26,7 +26,7 @@ def blended_layers(build: Build, lit: Callable[[Build], Sequence[Stage]]) -> Sta
     whole = build.params.kind == "whole"
     lit_layer = build.lit
     behind = of.SMOOTH if build.params.edge_places else lit_layer
-    scene_light = (of.CASTING, of.SURFELS, of.LIGHT_VOLUME, of.EVEN_LIGHT) if whole else ()
+    scene_light = (of.CASTING, of.SKY_MAPS, of.SURFELS, of.LIGHT_VOLUME, of.EVEN_LIGHT) if whole else ()
     shared = (of.LIGHTS, of.SHADOWS, of.SKY, of.MULTI_BOUNCE, *scene_light)
     hints = (of.RSM,) if whole else ()
     made: list[tuple[BlendedLayers, Sequence[Stage], Plane]] = []

@@ -2,19 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ssgi_cl.core.lights import Environment, shines
-from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.arrays import Plane
 from ssgi_cl.frame.passes.build import Build
-from ssgi_cl.frame.passes.resources import CASTING, GBUFFER, LIGHTS, SKY_LIGHT, SURFEL_HISTORY
-from ssgi_cl.frame.stage import Declared, Stage, Values
-from ssgi_cl.techniques.occupancy.scene_rays import rays_meet_triangles
-from ssgi_cl.techniques.radiosity.surfel_history import SurfelHistory
+from ssgi_cl.frame.passes.resources import CASTING, GBUFFER, LIGHTS, SKY_LIGHT, SKY_MAPS
+from ssgi_cl.frame.passes.sky_maps import no_sky
+from ssgi_cl.frame.stage import Declared, Stage
 from ssgi_cl.techniques.sampled_lights.sampled_lights import SampledLights, SampledLightsParams
-from ssgi_cl.techniques.sky_rays.enclosed import openness, sky_by_rays
 from ssgi_cl.techniques.sky_rays.sky_rays import SkyRays, SkyRaysParams
 
 DIRECTIONS = 256
@@ -24,13 +17,13 @@ and .0182 with four (400 x 300, 256 paths)."""
 
 
 def sky_light(build: Build) -> Stage:
-    """Return the pass: rays in enclosed scenes, else depth maps of directions."""
+    """Return the pass: depth maps of directions, or rays where there are none."""
     whole, runtime = build.whole, build.runtime
     made: dict[bool, SampledLights | SkyRays] = {}  # once a scene needs it
 
     def run(r: Declared) -> Plane | None:
-        scene = r[CASTING]
-        rays = sky_by_rays(scene, runtime)
+        scene, maps = r[CASTING], r[SKY_MAPS]
+        rays = maps is None
         if rays not in made:
             made[rays] = (
                 SkyRays(runtime, build.size, _rays_params(whole.directions))
@@ -42,23 +35,10 @@ def sky_light(build: Build) -> Stage:
         technique = made[rays]
         if isinstance(technique, SkyRays):
             return technique.run(r[GBUFFER], r[LIGHTS], scene=scene)
-        return technique.run(r[GBUFFER], r[LIGHTS], scene=scene, seen=seen(r, scene))
+        return technique.run(r[GBUFFER], r[LIGHTS], scene=scene, maps=maps)
 
-    def seen(r: Declared, scene: Scene) -> NDArray[np.float64] | None:
-        history: SurfelHistory | None = r[SURFEL_HISTORY] if build.history else None
-        if history is not None and history.sky is not None:
-            return history.sky
-        found = openness(scene, runtime).seen if rays_meet_triangles(scene) else None
-        if history is not None:
-            history.sky = found
-        return found
-
-    def condition(facts: Values) -> str | None:
-        lit = any(isinstance(light, Environment) and shines(light) for light in facts[LIGHTS])
-        return None if lit else "no environment shines"
-
-    reads = (GBUFFER, CASTING, LIGHTS, *((SURFEL_HISTORY,) if build.history else ()))
-    return Stage(name="sky light", reads=reads, writes=(SKY_LIGHT,), run=run, condition=condition)
+    reads = (GBUFFER, CASTING, LIGHTS, SKY_MAPS)
+    return Stage(name="sky light", reads=reads, writes=(SKY_LIGHT,), run=run, condition=no_sky)
 
 
 def _rays_params(directions: int) -> SkyRaysParams:

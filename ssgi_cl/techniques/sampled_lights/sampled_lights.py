@@ -9,32 +9,24 @@ from typing import TypedDict, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from ssgi_cl.core.environment_samples import sample_environments
 from ssgi_cl.core.gbuffer import GBuffer
-from ssgi_cl.core.lights import Environment, Light, are_same, environments_of
+from ssgi_cl.core.lights import Light
 from ssgi_cl.core.params import Params, Prepared, param, with_fields_described
-from ssgi_cl.core.sample_views import PATTERN, interleaved, sample_views
+from ssgi_cl.core.sample_views import PATTERN, interleaved
 from ssgi_cl.core.scene import Scene
-from ssgi_cl.device.arrays import DeviceArray, Plane, Size
-from ssgi_cl.device.constants import START_FEW
+from ssgi_cl.device.arrays import Plane, Size
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA
 from ssgi_cl.device.transient import Target
-from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.techniques.bands import banded, fixed_plan
 from ssgi_cl.techniques.environment_light import lit_by_environments
 from ssgi_cl.techniques.filters.bilateral import Bilateral, BilateralParams
+from ssgi_cl.techniques.sampled_lights.sampled_maps import SampledMaps
 from ssgi_cl.techniques.technique import Technique
 
 Doubles = NDArray[np.float64]
 
-BATCH = 256
-"""Triangles that the maps' pass brings to one view after another."""
-NOTHING = int(np.float32(np.inf).view(np.int32))
-"""Depth in maps where nothing is, as its bits."""
-ITEMS = 8
-"""Work-items of that pass for each compute unit, where each has maps of its own."""
 FIELDS = 20
 OFFSET = 1.0
 """Diagonals of a texel by which a receiver is moved along its normal: the farthest of 2 x 2 texels
@@ -81,8 +73,7 @@ class SampledLightsKeywords(TypedDict, total=False):
 class SampledLights(Prepared[SampledLightsParams]):
     """Sampled lights, prepared for images of one size.
 
-    Debevec 2005. Departs: see `sampled_lights`. Directions, maps and what follows from them are
-    kept as long as scene and environments are the same objects.
+    Debevec 2005. Departs: see `sampled_lights`. Directions and maps are kept, see `SampledMaps`.
 
     Args:
         runtime: the device.
@@ -100,37 +91,34 @@ class SampledLights(Prepared[SampledLightsParams]):
         self._params = params = params or SampledLightsParams()
         self._irradiance = Target(runtime, 3, size, kept=kept)
         self._blur = Bilateral(runtime, size, _blur_params(params.blur), 3, kept=kept)
-        self._triangles = runtime.kernel("sampled_lights/sampled_triangles.cl")
-        self._cutouts = runtime.kernel("sampled_lights/sampled_cutouts.cl")
         self._light = runtime.kernel(
             "sampled_lights/sampled_lights.cl", {"SAMPLED_COUNT": params.count // PATTERN}, (CAMERA,)
         )
         self._order = interleaved(params.count)
         self._samples = runtime.empty(params.count * 4 * FIELDS, np.float32)
-        self._matrices = runtime.empty(params.count * 12, np.float32)
-        self._maps: DeviceArray | None = None
-        self._environments: tuple[Environment, ...] = ()
-        self._seen: Doubles | None = None
-        self._directions: Doubles = np.zeros((0, 3))
-        self._flux: Doubles = np.zeros((0, 3))
-        self._scene: object = None  # its key, of what the maps show
-        self._views: Doubles = np.zeros((0, 3, 4))
-        self._diagonals: Doubles = np.zeros(0)
+        self._maps: SampledMaps | None = None
 
     def run(
-        self, gbuffer: DeviceGBuffer, lights: Sequence[Light], *, scene: Scene, seen: Doubles | None = None
+        self,
+        gbuffer: DeviceGBuffer,
+        lights: Sequence[Light],
+        *,
+        scene: Scene,
+        seen: Doubles | None = None,
+        maps: SampledMaps | None = None,
     ) -> Plane | None:
         """Queue the passes; return irradiance by all environments, None if there is no light.
 
-        3 images, W/m^2; 0 where nothing is. Other lights are passed over. `seen` is that of `sample_environments`.
+        3 images, W/m^2; 0 where nothing is. Other lights are passed over. `seen` is that of `sample_environments`;
+        `maps` have been drawn of the same scene and lights, by others: without, this draws its own.
         """
-        self._sample(lights, seen)
-        if not len(self._directions):
+        if maps is None:
+            self._maps = self._maps or SampledMaps(self.runtime, self.params.count, self.params.map_size)
+            maps = self._maps.draw(scene, lights, seen)
+        if not len(maps.directions):
             self.runtime.skip("sampled lights", "no environment sends light")
             return None
-        self._draw(scene)
-        assert self._maps is not None  # noqa: S101  just drawn
-        self._samples.send(self._table(gbuffer, scene))
+        self._samples.send(self._table(maps, gbuffer, scene))
         with self._irradiance.over(gbuffer.seen) as (irradiance, region):
             self._light.run(
                 self.size,
@@ -138,104 +126,30 @@ class SampledLights(Prepared[SampledLightsParams]):
                 depth=gbuffer.depth,
                 normal=gbuffer.normal,
                 samples=self._samples,
-                maps=self._maps,
+                maps=maps.ready(),
                 irradiance=irradiance,
                 camera=gbuffer.camera_struct,
                 margin_columns=gbuffer.margin[1],
                 margin_rows=gbuffer.margin[0],
-                texels=self.params.map_size,
+                texels=maps.texels,
             )
         return self._blur.run(gbuffer, irradiance, region=region)
 
-    def _sample(self, lights: Sequence[Light], seen: Doubles | None) -> None:
-        now = environments_of(lights)
-        if are_same(now, self._environments) and seen is self._seen:
-            return
-        self._scene = None
-        self._directions, self._flux = sample_environments(now, self.params.count, seen)
-        self._environments, self._seen = now, seen
-
-    def _draw(self, scene: Scene) -> None:
-        """Queue the pass that draws all maps, unless they are there."""
-        if self._scene is scene.key:
-            self.runtime.skip("sampled lights maps", "neither scene nor environments changed")
-            return
-        self._scene = None
-        runtime, texels, count = self.runtime, self.params.map_size, self.params.count
-        solid = device_scene(scene, runtime)
-        triangles = solid.triangles
-        planar = runtime.transient.array(9 * solid.triangle_stride, np.float32)
-        self._triangles.run(
-            (1, solid.triangle_stride),
-            corners=solid.corners,
-            positions=solid.positions,
-            cutouts=solid.cutouts,
-            triangles=planar,
-            count=triangles,
-            vertex_stride=solid.vertex_stride,
-        )
-        self._views, self._diagonals = sample_views(self._directions, scene.bounds - scene.origin, texels)
-        self._matrices.upload(self._views.astype(np.float32))
-        if self._maps is None:
-            self._maps = runtime.empty(count * texels * texels, np.int32)
-        self._maps.fill(NOTHING)
-        batches = -(-triangles // BATCH)
-        rows, each = batches, 1
-        if runtime.variant.lanes > 1:  # see the kernel
-            rows, each = 1, max(count // (ITEMS * runtime.info.units), 1)
-        macros = {"SAMPLED_BATCH": BATCH, "SAMPLED_RUN": START_FEW, "SAMPLED_CULL": int(scene.culls)}
-        runtime.kernel("sampled_lights/sampled_depth.cl", macros).run(
-            (batches, count),
-            grid=(rows, -(-count // each)),
-            local=runtime.small_groups(1),
-            boxes=solid.few_boxes,
-            triangles=planar,
-            corners=solid.corners,
-            views=self._matrices,
-            maps=self._maps,
-            count=triangles,
-            texels=texels,
-            each=each,
-        )
-        holes = np.flatnonzero(scene.cut_out)
-        if len(holes):
-            self._cutouts.run(
-                (len(holes), count),
-                grid=(len(holes), count),
-                chosen=runtime.array(holes.astype(np.int32)),
-                corners=solid.corners,
-                positions=solid.positions,
-                uvs=solid.uvs,
-                cutouts=solid.cutouts,
-                materials=solid.materials,
-                textures=solid.textures,
-                texels=solid.texels,
-                decode=solid.decode,
-                views=self._matrices,
-                maps=self._maps,
-                triangles=triangles,
-                vertex_stride=solid.vertex_stride,
-                side=texels,
-            )
-        self._scene = scene.key
-
-    def _table(self, gbuffer: DeviceGBuffer, scene: Scene) -> NDArray[np.float32]:
+    def _table(self, maps: SampledMaps, gbuffer: DeviceGBuffer, scene: Scene) -> NDArray[np.float32]:
         """Return [count / 16, 4, FIELDS, 16], see kernels/sampled_lights/sampled_lights.cl."""
         camera = gbuffer.camera
         assert camera is not None  # noqa: S101  a filled G-buffer has one
         turn = camera.view[:3, :3]
         # In float64: the eye relative to the scene's origin may be a small difference.
         eye = camera.position - scene.origin
-        rows = self._views[:, :, :3]
+        rows = maps.views[:, :, :3]
         fields = np.column_stack(
             [
-                self._directions @ turn.T,
-                self._flux * PATTERN,
-                np.concatenate([rows @ turn.T, (rows @ eye + self._views[:, :, 3])[..., None]], axis=-1).reshape(
-                    -1, 12
-                ),
-                OFFSET * self._diagonals,
-                np.arange(len(self._views)),
+                maps.directions @ turn.T,
+                maps.flux * PATTERN,
+                np.concatenate([rows @ turn.T, (rows @ eye + maps.views[:, :, 3])[..., None]], axis=-1).reshape(-1, 12),
+                OFFSET * maps.diagonals,
+                np.arange(len(maps.views)),
             ]
         )
         table = np.moveaxis(fields[self._order], -1, 2)  # [groups, 4, fields, 4]

@@ -17,6 +17,7 @@ from ssgi_cl.core.scene import Material, Scene
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.reference.sampled_lights.sampled_lights import depth_map, sampled_lights_reference
 from ssgi_cl.techniques.sampled_lights.sampled_lights import SampledLights, SampledLightsParams, sampled_lights
+from ssgi_cl.techniques.sampled_lights.sampled_maps import SampledMaps
 
 from ...closed_forms import made as scene_of
 from ..vpl.given import uploaded
@@ -164,12 +165,9 @@ def test_every_kernel_variant_agrees_with_the_numpy_reference(
 
 def _maps(runtime: Runtime, scene: Scene) -> tuple[NDArray[np.float32], Doubles]:
     """Return [16, 61, 61] maps of 16 directions, and their matrices."""
-    device = uploaded(runtime, gi.rasterize.gbuffer(scene, _camera(), runtime=runtime))
-    technique = SampledLights(runtime, device.size, SampledLightsParams(directions=16, map_size=61))
     with runtime.frame():
-        technique.run(device, [Environment(1.0)], scene=scene)
-    assert technique._maps is not None
-    return technique._maps.download().view(np.float32).reshape(16, 61, 61), technique._views
+        made = SampledMaps(runtime, 16, 61).draw(scene, [Environment(1.0)])
+        return made.ready().download().view(np.float32).reshape(16, 61, 61), made.views
 
 
 def test_maps_have_the_depth_of_numpy_in_every_texel(
@@ -233,7 +231,7 @@ def test_without_an_environment_nothing_is_drawn(runtime: Runtime) -> None:
     with runtime.frame():
         for lights in ((), (PointLight((0, 1, 0), 1.0),), (Environment(0.0),)):
             assert technique.run(device, lights, scene=scene) is None
-    assert technique._maps is None
+        assert [entry.name for entry in runtime.times() if not entry.skipped] == []
     assert not sampled_lights(gbuffer, [], scene=scene, runtime=runtime).any()
 
 

@@ -61,7 +61,7 @@ class FrameLog(threading.local):
     def times(self) -> list[PassTime]:
         """Return the passes of the latest frame, in order; waits for those still running."""
         if self.events:
-            self.events[-1][1].wait()
+            opencl().wait_for_events([event for _, event, _ in self.events])  # those of the second queue, too
         ran = [
             PassTime(name, event.profile.end * 1e-6 - event.profile.start * 1e-6, items=items)
             for name, event, items in self.events

@@ -139,7 +139,7 @@ def _boxes(corners: Floats, longest: Floats, diagonal: float) -> Floats:
     return boxes
 
 
-def _lengths(corners: Floats) -> Floats:
+def _squared_lengths(corners: Floats) -> Floats:
     """Return [3, triangles] squares of lengths of edges of triangles [3 corners, 3 axes, triangles], each from a corner
     to the next."""
     lengths = np.empty((3, corners.shape[-1]), np.float32)
@@ -158,7 +158,7 @@ def _cut(corners: Floats, most: float, whole: NDArray[np.bool_] | None) -> tuple
     room = MOST_CUTS + len(number) // 8
     done: list[tuple[Floats, NDArray[np.int64], Floats]] = []
     while True:
-        edges = _lengths(corners)
+        edges = _squared_lengths(corners)
         longest: Floats = np.sqrt(np.maximum(np.maximum(edges[0], edges[1]), edges[2]))
         above = longest > most
         if whole is not None:

@@ -21,6 +21,7 @@ from ssgi_cl.rasterize.raster.view import device_scene
 from ssgi_cl.rasterize.scenes import make_scene
 from ssgi_cl.techniques.occupancy import scene_rays
 from ssgi_cl.techniques.sampled_lights.sampled_lights import SampledLights, SampledLightsParams
+from ssgi_cl.techniques.sampled_lights.sampled_maps import SampledMaps
 from ssgi_cl.techniques.sky_rays import enclosed
 
 from .scenes import MAPS, cube, halves, inside, matt, scene_of
@@ -178,7 +179,8 @@ def test_radiance_is_the_sum_of_its_parts_dimmed_by_contacts_within_two_cells(
         technique = SampledLights(runtime, gbuffer.size, params)
         with runtime.frame():
             seen = None if holes else enclosed.openness(scene, runtime).seen
-            light = technique.run(on_device(gbuffer, runtime), [SKY], scene=scene, seen=seen)
+            maps = SampledMaps(runtime, params.count, params.map_size).draw(scene, [SKY], seen)
+            light = technique.run(on_device(gbuffer, runtime), [SKY], scene=scene, maps=maps)
             assert light is not None
             sky = np.moveaxis(light.download(), 0, -1)
         dimmed = a * sky + (np.minimum(2.0 * a, 1.0) if holes else 1.0) * frame.indirect

@@ -25,8 +25,6 @@ from ssgi_cl.techniques.filters.bilateral import Bilateral, BilateralParams
 from ssgi_cl.techniques.sampled_lights.sampled_maps import SampledMaps
 from ssgi_cl.techniques.technique import Technique
 
-Doubles = NDArray[np.float64]
-
 FIELDS = 20
 OFFSET = 1.0
 """Diagonals of a texel by which a receiver is moved along its normal: the farthest of 2 x 2 texels
@@ -99,22 +97,16 @@ class SampledLights(Prepared[SampledLightsParams]):
         self._maps: SampledMaps | None = None
 
     def run(
-        self,
-        gbuffer: DeviceGBuffer,
-        lights: Sequence[Light],
-        *,
-        scene: Scene,
-        seen: Doubles | None = None,
-        maps: SampledMaps | None = None,
+        self, gbuffer: DeviceGBuffer, lights: Sequence[Light], *, scene: Scene, maps: SampledMaps | None = None
     ) -> Plane | None:
         """Queue the passes; return irradiance by all environments, None if there is no light.
 
-        3 images, W/m^2; 0 where nothing is. Other lights are passed over. `seen` is that of `sample_environments`;
-        `maps` have been drawn of the same scene and lights, by others: without, this draws its own.
+        3 images, W/m^2; 0 where nothing is. Other lights are passed over. `maps` have been drawn of the
+        same scene and lights, by others: without, this draws its own.
         """
         if maps is None:
             self._maps = self._maps or SampledMaps(self.runtime, self.params.count, self.params.map_size)
-            maps = self._maps.draw(scene, lights, seen)
+            maps = self._maps.draw(scene, lights)
         if not len(maps.directions):
             self.runtime.skip("sampled lights", "no environment sends light")
             return None

@@ -22,7 +22,7 @@ Doubles = NDArray[np.float64]
 BATCH = 256
 """Triangles that the maps' pass brings to one view after another."""
 EACH = 2
-"""Views that it is drawn to by a work-item, where each has maps of its own."""
+"""Views of a work-item of that pass, where each has maps of its own."""
 NOTHING = int(np.float32(np.inf).view(np.int32))
 """Depth in maps where nothing is, as its bits."""
 
@@ -113,6 +113,7 @@ class SampledMaps:
         macros = {"SAMPLED_BATCH": BATCH, "SAMPLED_RUN": START_FEW, "SAMPLED_CULL": int(scene.culls)}
         kernel = runtime.kernel("sampled_lights/sampled_depth.cl", macros)
         with runtime.second.kernels() as beside:
+            self._drawing = beside, planar  # whatever fails from here on
             for begin in range(0, count, some):
                 kernel.run(
                     (batches, count),
@@ -129,7 +130,6 @@ class SampledMaps:
                     begin=begin,
                 )
             self._draw_cut_outs(scene)
-        self._drawing = beside, planar
 
     def _draw_cut_outs(self, scene: Scene) -> None:
         """Queue the pass of triangles with holes."""

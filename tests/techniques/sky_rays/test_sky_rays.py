@@ -22,6 +22,7 @@ from ssgi_cl.reference.area_lights.area_lights import polygon_irradiance
 from ssgi_cl.reference.gbuffer import SurfaceView
 from ssgi_cl.reference.sky_rays.sky_rays import sky_rays_reference, unblocked
 from ssgi_cl.techniques.sampled_lights.sampled_lights import SampledLights, SampledLightsParams
+from ssgi_cl.techniques.sampled_lights.sampled_maps import SampledMaps
 from ssgi_cl.techniques.sky_rays.enclosed import OPEN, openness, sky_by_rays
 from ssgi_cl.techniques.sky_rays.sky_rays import SkyRays
 
@@ -306,7 +307,8 @@ def test_more_directions_pass_openings_where_it_is_known_which_do(runtime: Runti
     for parts in (None, openness(scene, runtime).seen):
         technique = SampledLights(runtime, seen.size, SampledLightsParams(directions=128, map_size=128))
         with runtime.frame():
-            light = technique.run(uploaded(runtime, seen), sky, scene=scene, seen=parts)
+            maps = SampledMaps(runtime, 128, 128).draw(scene, sky, parts)
+            light = technique.run(uploaded(runtime, seen), sky, scene=scene, maps=maps)
             assert light is not None
             found = light.download()[0]
         errors.append(math.sqrt(np.mean((found - right)[known] ** 2)) / right[known].mean())

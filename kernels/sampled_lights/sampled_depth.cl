@@ -4,8 +4,9 @@
 // Method:  runs of SAMPLED_RUN triangles are brought to every view, a box a lane, and the triangles
 //          of those whose box has the middle of a texel, a triangle a lane. Of the few that have
 //          one themselves, small ones are drawn side by side, a triangle a lane, and the others one
-//          by one, a texel a lane. Edge functions (Pineda 1988) of corners relative to the texel
-//          change sign exactly where two triangles share an edge.
+//          by one, a texel a lane, except where nearer surfaces are in all of these. Edge functions
+//          (Pineda 1988) of corners relative to the texel change sign exactly where two triangles
+//          share an edge.
 // Reads:   boxes      [runs][6] middle and half size of a box round the triangles of a run
 //          triangles  [9][stride] corners, relative to the scene's origin; of triangles with holes,
 //                     which sampled_cutouts draws, all three the same
@@ -31,6 +32,7 @@
 #endif
 
 #define SAMPLED_SMALL 12.0f    // texels of a box up to which triangles are drawn side by side
+#define SAMPLED_ROUNDED 2e-6f  // part of depths by which they may be rounded below their corners
 #define SAMPLED_BOX_ROOM 8e-3f // texels by which boxes of runs are widened, as SAMPLED_ROOM
 
 typedef struct {
@@ -54,6 +56,10 @@ static inline void sampled_draw(const SampledTriangle *t, __global int *restrict
                                 const int texels)
 {
     const vfloat z[3] = {v_splat(t->z[0]), v_splat(t->z[1]), v_splat(t->z[2])};
+#if SSGI_LANES > 1
+    const vint nearest =
+        v_bits(v_splat(min(min(t->z[0], t->z[1]), t->z[2]) * (1.0f - SAMPLED_ROUNDED)));
+#endif
     for (int row = t->top; row <= t->bottom; ++row) {
         const float middle = (float)row + 0.5f;
         const vfloat y[3] = {v_splat(t->y[0] - middle), v_splat(t->y[1] - middle),
@@ -61,6 +67,13 @@ static inline void sampled_draw(const SampledTriangle *t, __global int *restrict
         for (int left = t->left; left <= t->right; left += SSGI_LANES) {
             const int first = min(left, texels - SSGI_LANES);
             const vint column = v_iota() + first;
+            __global int *restrict texel = map + row * texels + first;
+#if SSGI_LANES > 1
+            const vint before = v_iload(texel);
+            if (!v_any(v_igt(before, nearest))) {
+                continue; // nearer surfaces are in all of these texels
+            }
+#endif
             const vfloat at = v_to_float(column) + 0.5f;
             const vfloat x[3] = {t->x[0] - at, t->x[1] - at, t->x[2] - at};
             vfloat depth;
@@ -70,9 +83,7 @@ static inline void sampled_draw(const SampledTriangle *t, __global int *restrict
             if (!v_any(hit)) {
                 continue;
             }
-            __global int *restrict texel = map + row * texels + first;
 #if SSGI_LANES > 1
-            const vint before = v_iload(texel);
             v_istore(v_iselect(before, v_imin(before, v_bits(depth)), hit), texel);
 #else
             sampled_least(texel, v_bits(depth));

@@ -38,7 +38,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
 }
 """Parameters that differ from the defaults."""
 FLOOR = "rays against the layer"
-"""What none is below but by chance: all that the depth layer holds."""
+"""Error of all that the depth layer holds; techniques that guess what is behind it may get below."""
 FRAMES = 64
 """Patterns of which the mean is what no pattern changes."""
 BOX = "cornell_box"

@@ -13,8 +13,8 @@
 //          cells, volume  its cells and records, see radiosity/volume.clh
 //          fractions   [rows, columns] what the light counts for, see multires_interpolate
 // Writes:  values   3 x [rows, columns], W/m^2: the light is added, at the samples alone; with
-//                   GATHER_KEPT 4 x, where the light is written, and the mean of 1 / distance of
-//                   what rays meet, in lengths of the receivers
+//                   GATHER_KEPT 5 x, where the light is written, the mean of 1 / distance of what
+//                   rays meet, in lengths of the receivers, and the number of rays
 // Macros:  GATHER_RAYS, GATHER_KEPT (0, 1), RAYS_ONE (0, 1), GATHER_ITEMS: work-items that share
 //          the rays of a sample, 1 or, with one lane, a power of two up to SSGI_GROUP
 // Params:  RaysParams; GatherParams: cells of the volume per unit of the hierarchy's space, and
@@ -170,6 +170,7 @@ final_gather(ssgi_plane depth, ssgi_plane normal, __global const int *restrict l
             v_scatter(value, image, to);
         }
         v_scatter(near * (1.0f / GATHER_RAYS), values + ssgi_index(size, 3, 0, 0), to);
+        v_scatter(v_splat((float)GATHER_RAYS), values + ssgi_index(size, 4, 0, 0), to);
 #else
             v_scatter(v_fma(share, value, v_gather(image, to)), image, to);
         }

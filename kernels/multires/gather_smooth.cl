@@ -7,23 +7,21 @@
 //          faster than things around turn with the place (Ward, Rubinstein and Clear 1988, "A Ray
 //          Tracing Solution for Diffuse Interreflection"), and where it lies off the middle one's
 //          plane or is turned. Where that distance stays the same, as along an edge of walls,
-//          light does so farther: weights are 0 at GATHER_ALONG distances. Neighbours' rays
-//          differ, so that errors cancel.
+//          light does so farther: weights are 0 at GATHER_ALONG distances. Weights are in
+//          proportion to the rays of a sample. Neighbours' rays differ, so that errors cancel.
 // Reads:   depth, normal  of the samples' G-buffer, with margin; view space
 //          list     how many samples there are, and so many times row << 16 | column
-//          masks    of the samples, see multires/list.clh
-//          found    4 x [rows, columns] irradiance, W/m^2, and the mean of 1 / distance, in lengths
-//                   of the receivers (vpl/receiver.clh); at the samples alone
+//          found    5 x [rows, columns] irradiance, W/m^2, the mean of 1 / distance, in lengths of
+//                   the receivers (vpl/receiver.clh), and the number of rays: 0 where none were
 //          fractions   [rows, columns] what the light counts for, see multires_interpolate
 // Writes:  values   3 x [rows, columns], W/m^2: the light is added, at the samples alone
 // Params:  see vpl/receiver.clh
 // Launch:  any number of work-items, each of which takes every so-many-th piece of SSGI_LANES
-// Cost:    9 reads and 80 operations for each of 25 neighbours
+// Cost:    11 reads and 80 operations for each of 25 neighbours
 
 #include "common/camera.clh"
 #include "common/gbuffer.clh"
 #include "multires/cut.clh"
-#include "multires/list.clh"
 
 #define GATHER_WIDE 2      // neighbours on each side
 #define GATHER_REACH 0.3f  // in harmonic mean distances
@@ -34,9 +32,8 @@
 #define GATHER_STEADY 1.0f // of squared lattice steps: slopes that few samples tell are small
 
 __kernel void gather_smooth(ssgi_plane depth, ssgi_plane normal, __global const int *restrict list,
-                            __global const int *restrict masks, ssgi_plane found,
-                            ssgi_plane fractions, __global float *restrict values, const int2 size,
-                            const SsgiCamera camera, const VplParams params)
+                            ssgi_plane found, ssgi_plane fractions, __global float *restrict values,
+                            const int2 size, const SsgiCamera camera, const VplParams params)
 {
     const int listed = list[0];
     const vfloat zero = v_splat(0.0f), one = v_splat(1.0f);
@@ -56,8 +53,8 @@ __kernel void gather_smooth(ssgi_plane depth, ssgi_plane normal, __global const 
                 const vint x = v_imin(v_imax(column + dx, v_splat_int(0)), v_splat_int(size.x - 1));
                 const VplReceiver to =
                     cut_receiver(depth, normal, y << 16 | x, size, camera, params);
-                const vmask inside = v_ieq(x, column + dx) & v_ieq(y, row + dy) & to.there &
-                                     multires_marked(masks, size, x, y);
+                const vmask inside = v_ieq(x, column + dx) & v_ieq(y, row + dy) & to.there;
+                const vfloat rays = ssgi_gather(found, size, 4, x, y);
                 const vfloat wx = to.x - at.x, wy = to.y - at.y, wz = to.z - at.z;
                 const vfloat squared = v_fma(wx, wx, v_fma(wy, wy, wz * wz));
                 const vfloat up = v_abs(v_fma(wx, at.nx, v_fma(wy, at.ny, wz * at.nz)));
@@ -73,7 +70,7 @@ __kernel void gather_smooth(ssgi_plane depth, ssgi_plane normal, __global const 
                     v_max(one - away * (1.0f / GATHER_REACH), along) - up * per * GATHER_OFF;
                 const vfloat turned = v_fma(alike, v_splat(GATHER_ALIKE), one);
                 vfloat weight = v_max(fit, zero) * v_clamp(turned, 0.0f, 1.0f);
-                weight = v_select(zero, dx == 0 && dy == 0 ? one : weight, inside);
+                weight = v_select(zero, (dx == 0 && dy == 0 ? one : weight) * rays, inside);
                 const vfloat across = weight * (float)dx, down = weight * (float)dy;
                 sum = sum + weight;
                 sx = sx + across;
@@ -91,7 +88,8 @@ __kernel void gather_smooth(ssgi_plane depth, ssgi_plane normal, __global const 
             }
         }
         // The fit at the middle sample, from the normal equations.
-        const vfloat xx = sxx + GATHER_STEADY, yy = syy + GATHER_STEADY;
+        const vfloat steady = ssgi_gather(found, size, 4, column, row) * GATHER_STEADY;
+        const vfloat xx = sxx + steady, yy = syy + steady;
         const vfloat inverse = 1.0f / v_fma(xx, yy, -(sxy * sxy));
         const vfloat u = v_fma(yy, sx, -(sxy * sy)) * inverse;
         const vfloat v = v_fma(xx, sy, -(sxy * sx)) * inverse;

@@ -22,17 +22,20 @@ STEADY = 1.0
 """Added to the sums of squared lattice steps."""
 
 
-def gather_smooth_reference(points: Doubles, normals: Doubles, found: Doubles, near: Doubles) -> Doubles:
-    """Return irradiance [rows, columns, 3] in W/m^2, 0 where no surface is.
+def gather_smooth_reference(
+    points: Doubles, normals: Doubles, found: Doubles, near: Doubles, rays: Doubles
+) -> Doubles:
+    """Return irradiance [rows, columns, 3] in W/m^2, 0 where no surface is and where no rays were.
 
     Args:
         points: [rows, columns, 3], infinite where no surface is.
         normals: [rows, columns, 3] of unit length.
         found: [rows, columns, 3] in W/m^2.
         near: [rows, columns] mean of 1 / distance of what rays of a point meet, 1 / units of `points`.
+        rays: [rows, columns] how many rays a point has.
     """
     rows, columns = near.shape
-    there = np.isfinite(points[..., 0])
+    there = np.isfinite(points[..., 0]) & (rays > 0.0)
     result = np.zeros((rows, columns, 3))
     for row, column in np.argwhere(there):
         design, light, weights = [], [], []
@@ -53,7 +56,7 @@ def gather_smooth_reference(points: Doubles, normals: Doubles, found: Doubles, n
                     weight *= min(max(1.0 - ALIKE * (1.0 - alike), 0.0), 1.0)
                 design.append((1.0, x - column, y - row))
                 light.append(found[y, x])
-                weights.append(weight)
+                weights.append(weight * rays[y, x] / rays[row, column])
         a, w = np.array(design), np.array(weights)[:, None]
         normal = a.T @ (w * a) + np.diag((0.0, STEADY, STEADY))
         result[row, column] = np.maximum(np.linalg.solve(normal, a.T @ (w * np.array(light)))[0], 0.0)

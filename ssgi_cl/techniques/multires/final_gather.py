@@ -58,8 +58,8 @@ DEALT, MOST_DEALT, MOST_RAYS = 16, 1 << 14, 256
 RAYS_AT_ONCE = 1 << 24
 """Rays of a launch on a GPU: at 1,800 operations, those of a ray among 36 triangles, .03 s at 1 TFLOP/s. A display's
 driver ends what takes 2 s, and large scenes take several times as long."""
-FOUND = 4
-"""Images of what rays find at points that are smoothed: irradiance, and the mean of 1 / distance."""
+FOUND = 5
+"""Images of what rays find at points that are smoothed: irradiance, the mean of 1 / distance, and how many rays."""
 
 
 def tile_turn(camera: Camera) -> tuple[int, int]:
@@ -120,8 +120,8 @@ class FinalGather:
     def shine(self, level: Level, rays: SceneRays, per_unit: float) -> None:
         """Queue the passes that add shares of the irradiance of a level's points to its values.
 
-        What is found at points of all levels but the last is smoothed by a line fitted to
-        neighbours that are computed too (kernels/multires/gather_smooth.cl).
+        What is found at points of all levels but the last is smoothed by a line fitted to neighbours that this
+        level or a coarser one computes too (kernels/multires/gather_smooth.cl).
 
         Args:
             level: of the points.
@@ -133,6 +133,11 @@ class FinalGather:
         found = self._found.get(level.number)
         if kept and (found is None or found.size != level.size):
             found = self._found[level.number] = self.runtime.plane(FOUND, level.size)
+        coarser = self._found[level.number - 1] if kept and level.number else None
+        if coarser is not None:
+            self.runtime.kernel("multires/gather_nested.cl", {"GATHER_FOUND": FOUND}).run(
+                level.size, coarser=coarser, found=found, coarse=coarser.size
+            )
         values = found if kept else level.values
         most = max(int(shares[min(level.number, len(shares) - 1)] * self._rays), LEAST)
         if most not in self._ways:
@@ -167,7 +172,7 @@ class FinalGather:
                 most=own,
             )
         if kept:
-            more = {"masks": level.masks, "found": found, "values": level.values}
+            more = {"found": found, "values": level.values}
             self._run(level, "multires/gather_smooth.cl", {}, (), per_unit, pieces, 1, **more)
 
     def _run(

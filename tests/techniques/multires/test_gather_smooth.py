@@ -33,9 +33,10 @@ def one_lit(rng: np.random.Generator) -> EvenLight:
 def gathered(
     runtime: Runtime, scene: gi.Scene, camera: gi.Camera, light: EvenLight, rays: int, step: int, number: int = 0
 ) -> tuple[gi.GBuffer, Doubles, Doubles]:
-    """Return what is seen at the points, what rays find there, with the mean of 1 / distance, and what is smoothed.
+    """Return what is seen at the points, what rays find there, with the mean of 1 / distance and their number, and what
+    is smoothed.
 
-    Points are those of level `number`, of which all are computed that the coarser one has not.
+    Points are those of level `number`; with the second level all are computed that the first has not.
     """
     seen = gi.rasterize.gbuffer(scene, camera, runtime=runtime)
     params = MultiresSplatParams(
@@ -65,7 +66,7 @@ def points_of(seen: gi.GBuffer, camera: gi.Camera, step: int) -> tuple[Doubles, 
 def test_the_fit_is_that_of_float64(
     variant_runtime: Runtime, rng: np.random.Generator, width: int, number: int
 ) -> None:
-    """Of the second level, that of points which are not interpolated."""
+    """Of the second level, that of points which are not interpolated, though those of the first count for them."""
     # A room with a column of 24 sides in it, outside of which nothing is seen in part: neighbours on the same plane,
     # turned a little and a lot, off the plane, and missing ones.
     room = cube(0.5)
@@ -84,16 +85,39 @@ def test_the_fit_is_that_of_float64(
     own = np.ones(place.shape[:2], np.bool_)
     if number:
         own[::2, ::2] = False
-    place[~own] = math.inf
+        assert found[::2, ::2, 4].max() > 2.0 * found[own][:, 4].max() > 0.0  # of the first level: more rays each
     # `near` is in 1 / lengths of receivers: those of the view space, times a power of two that the furthest corner
     # gives. It is found from a ray's own distances: of the mean of 1 / distance in scene units.
     scale = 2.0 ** np.arange(-8, 9)
-    fits = [gather_smooth_reference(place, normal, found[..., :3], found[..., 3] * s) for s in scale]
+    fits = [gather_smooth_reference(place, normal, found[..., :3], found[..., 3] * s, found[..., 4]) for s in scale]
     off = [np.abs(fit - smooth)[own].max() for fit in fits]
     assert min(off) < 2e-5
     if width > 2:
         assert np.abs(found[..., :3] - smooth)[own].max() > 0.05  # they do change
         assert sorted(off)[1] > 1e-3  # one scale alone fits
+
+
+def test_levels_have_what_coarser_ones_found(variant_runtime: Runtime, rng: np.random.Generator) -> None:
+    # Odd sizes: the last row and column of the second level have no points of the first.
+    seen = gi.rasterize.gbuffer(cube(0.5), inside(86, 62), runtime=variant_runtime)
+    technique = MultiresSplat(
+        variant_runtime, seen.size, MultiresSplatParams(vpls=1, visibility=True, grid=32), surfels=64, rays=64
+    )
+    with variant_runtime.frame():
+        technique.run(on_device(seen, variant_runtime), blockers=cube(0.5), even=one_lit(rng))
+        assert technique._final is not None
+        found = {number: np.array(plane.download()) for number, plane in technique._final._found.items()}
+        lists = [level.listed() for level in technique.grid._levels]
+    assert len(found) == 4
+    for number in range(1, len(found)):
+        own = np.zeros(found[number].shape[1:], np.bool_)
+        own[tuple(lists[number].T)] = True
+        nested = np.zeros_like(own)
+        nested[::2, ::2] = True
+        assert own.any()
+        assert not (own & nested).any()
+        np.testing.assert_array_equal(found[number][:, ::2, ::2], found[number - 1])
+        np.testing.assert_array_equal(found[number][4][~nested] > 0.0, own[~nested])
 
 
 def test_noise_of_walls_is_less(runtime: Runtime, rng: np.random.Generator) -> None:

@@ -16,19 +16,15 @@ from ssgi_cl.bench.options import PixelSize, device_option
 from ssgi_cl.bench.wording import number
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.rasterize.scenes import KINDS, make_scene
-from ssgi_cl.techniques.ao.bitmask import BitmaskAo, BitmaskParams
-from ssgi_cl.techniques.ao.gtao import Gtao, GtaoParams
-from ssgi_cl.techniques.ao.hbao import Hbao, HbaoParams
+from ssgi_cl.techniques.ao.slices import ScanParams
+from ssgi_cl.techniques.catalogue import TECHNIQUES
 from ssgi_cl.truth import metrics
 from ssgi_cl.truth.layers import layered_occlusion
 from ssgi_cl.truth.ray_ao import RayAo
 from ssgi_cl.tuning.context import Context
 
-TECHNIQUES: dict[str, tuple[Any, Any]] = {
-    "gtao": (Gtao, GtaoParams),
-    "hbao": (Hbao, HbaoParams),
-    "bitmask_ao": (BitmaskAo, BitmaskParams),
-}
+SCANS = [name for name, each in TECHNIQUES.items() if issubclass(each.params, ScanParams)]
+"""Techniques that scan slices."""
 SETTINGS: dict[str, dict[str, Any]] = {
     "blur radius 2": {"blur_radius": 2},
     "blur radius 3 that cancels the tile": {"blur_radius": 3},
@@ -67,7 +63,7 @@ class Streaks:
 
 def found(context: Context, technique_name: str, radius: float, rays: int) -> list[Streaks]:
     """Return all settings of a technique in a view, and the floor."""
-    kind, params = TECHNIQUES[technique_name]
+    kind, params = TECHNIQUES[technique_name].technique, TECHNIQUES[technique_name].params
     rays_a, rays_error = RayAo(context.view.scene)(context.camera, radius, rays, gbuffer=context.host_gbuffer)
     smooth = context.smooth_surfaces & context.seen
     noise = math.sqrt(float(np.mean(rays_error[smooth].astype(np.float64) ** 2))) if smooth.any() else 0.0
@@ -112,7 +108,7 @@ def table(all_found: Sequence[Streaks]) -> str:
 
 
 @click.command()
-@click.option("--technique", type=click.Choice(list(TECHNIQUES)), default="gtao", show_default=True)
+@click.option("--technique", type=click.Choice(SCANS), default="gtao", show_default=True)
 @click.option("--kind", "kinds", multiple=True, default=tuple(KINDS), show_default=True, help="Several times.")
 @click.option("--seed", "seeds", multiple=True, type=int, default=(400, 401), show_default=True)
 @click.option("--size", type=PixelSize(), default="320x240", show_default=True)

@@ -22,9 +22,7 @@ STEADY = 1.0
 """Added to the sums of squared lattice steps."""
 
 
-def gather_smooth_reference(
-    points: Doubles, normals: Doubles, found: Doubles, near: Doubles, rays: Doubles
-) -> Doubles:
+def gather_smooth_reference(points: Doubles, normals: Doubles, found: Doubles, near: Doubles, rays: Doubles) -> Doubles:
     """Return irradiance [rows, columns, 3] in W/m^2, 0 where no surface is and where no rays were.
 
     Args:

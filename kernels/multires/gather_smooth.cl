@@ -17,7 +17,7 @@
 // Writes:  values   3 x [rows, columns], W/m^2: the light is added, at the samples alone
 // Params:  see vpl/receiver.clh
 // Launch:  any number of work-items, each of which takes every so-many-th piece of SSGI_LANES
-// Cost:    11 reads and 80 operations for each of 25 neighbours
+// Cost:    9 reads and 80 operations for each of 25 neighbours
 
 #include "common/camera.clh"
 #include "common/gbuffer.clh"

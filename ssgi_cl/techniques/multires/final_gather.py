@@ -133,8 +133,8 @@ class FinalGather:
         found = self._found.get(level.number)
         if kept and (found is None or found.size != level.size):
             found = self._found[level.number] = self.runtime.plane(FOUND, level.size)
-        coarser = self._found[level.number - 1] if kept and level.number else None
-        if coarser is not None:
+        if kept and level.number > 0:
+            coarser = self._found[level.number - 1]
             self.runtime.kernel("multires/gather_nested.cl", {"GATHER_FOUND": FOUND}).run(
                 level.size, coarser=coarser, found=found, coarse=coarser.size
             )

@@ -175,7 +175,6 @@ class Level:
         shares: 0 to 1, of points on the list alone; others hold anything.
         list: how many points are to be computed, and so many times row << 16 | column. 16 points in
             a row lie in a block of 4 x 4 where all are on the list, 64 in one of 8 x 8.
-        masks: which points are on the list, see kernels/multires/list.clh.
         most: how many points there are, and thus the longest that the list can be.
     """
 
@@ -192,7 +191,8 @@ class Level:
         order = tile_order(size)
         self._tiles = runtime.array(order)
         self._tile_count = len(order)
-        self.masks = runtime.array(np.zeros(len(order) * TILE, np.int32))
+        # Which points are on the list, see kernels/multires/list.clh.
+        self._masks = runtime.array(np.zeros(len(order) * TILE, np.int32))
         self._counts = runtime.array(np.zeros(-(-len(order) // TILE) * TILE, np.int32))
         self._count = runtime.kernel("multires/multires_count.cl")
         lanes = runtime.variant.lanes
@@ -211,14 +211,14 @@ class Level:
             local=local,
             values=self.values,
             fractions=self.fractions,
-            masks=self.masks,
+            masks=self._masks,
             **arguments,
         )
         if self._counts_first:
             self._count.run(
                 self.size,
                 grid=(1, self._tile_count),
-                masks=self.masks,
+                masks=self._masks,
                 tiles=self._tiles,
                 counts=self._counts,
                 tile_count=self._tile_count,
@@ -227,7 +227,7 @@ class Level:
             self.size,
             grid=(1, -(-self._tile_count // self._own_tiles) * self._items),
             local=(1, self._items),
-            masks=self.masks,
+            masks=self._masks,
             counts=self._counts if self._counts_first else None,
             tiles=self._tiles,
             list=self.list,

@@ -98,7 +98,7 @@ def test_the_fit_is_that_of_float64(
 
 
 def test_levels_have_what_coarser_ones_found(variant_runtime: Runtime, rng: np.random.Generator) -> None:
-    # Odd sizes: the last row and column of the second level have no points of the first.
+    # 6 x 4, 11 x 8, 22 x 16 and 43 x 31 points: last columns and rows that coarser levels have, and have not.
     seen = gi.rasterize.gbuffer(cube(0.5), inside(86, 62), runtime=variant_runtime)
     technique = MultiresSplat(
         variant_runtime, seen.size, MultiresSplatParams(vpls=1, visibility=True, grid=32), surfels=64, rays=64

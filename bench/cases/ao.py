@@ -28,6 +28,8 @@ from ..peers.extras import missing_package
 PIXEL_BYTES = 4 * (1 + 3 + 1)
 """Depth and normal read, A written."""
 
+BLUR = SsaoParams().blur_radius
+"""Radius of SSAO's own blur, px."""
 SAMPLES = ("4", "8", "16", "32", "64", "128")
 
 LECTURE = "6x6"
@@ -175,8 +177,8 @@ def floor(context: Context, setting: str) -> Subject:
 
 FAMILIES: Mapping[str, Family] = {
     "ssao": Family(ssao, SAMPLES),
-    "ssao-blur": Family(partial(ssao, blur_radius=2), SAMPLES),
-    "ssao-half": Family(partial(ssao, blur_radius=2, resolution="half"), SAMPLES),
+    "ssao-blur": Family(partial(ssao, blur_radius=BLUR), SAMPLES),
+    "ssao-half": Family(partial(ssao, blur_radius=BLUR, resolution="half"), SAMPLES),
     "ssao-preset": Family(ssao_preset, ("low", "medium", "high", "ultra")),
     "bent-normals": Family(bent_normals, ("none", "1x9", "2x9", "4x16")),
     "lecture": Family(lecture, (LECTURE,)),

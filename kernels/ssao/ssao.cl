@@ -13,8 +13,8 @@
 //          hemisphere lies below it is dark.
 // Reads:   depth    [rows, columns] with margin, scene units, > 0; INFINITY where nothing is
 //          normal   3 x [rows, columns] with margin, view space, unit length
-//          samples  [4 rows][SSAO_MOST_SAMPLES][3][16 columns] points of the unit ball, already
-//                   reflected about the random vector of each pixel of a 4 x 4 tile
+//          samples  [SSAO_TILE rows][SSAO_MOST_SAMPLES][3][16 columns] points of the unit ball,
+//                   already reflected about the random vector of each pixel of a tile
 //          curve    SSAO_CURVE_SIZE values of f at equal steps from 0 to params.curve_end
 // Writes:  visibility [rows, columns] without margin, A in [0, 1]; 1 where nothing is
 // Macros:  SSAO_MOST_SAMPLES (1..256), SSAO_RADII (1..4), SSAO_HEMISPHERE (0, 1),
@@ -30,6 +30,10 @@
 #if !defined(SSAO_MOST_SAMPLES) || !defined(SSAO_RADII) || !defined(SSAO_HEMISPHERE) ||            \
     !defined(SSAO_FALLOFF) || !defined(SSAO_CURVE_SIZE) || !defined(SSAO_OUTSIDE)
 #error "SSAO_MOST_SAMPLES, _RADII, _HEMISPHERE, _FALLOFF, _CURVE_SIZE, _OUTSIDE must be defined"
+#endif
+
+#ifndef SSAO_TILE
+#error "ssgi_cl/device/constants.py defines SSAO_TILE, a power of two"
 #endif
 
 #define SSAO_ONSET 50.0f // per radius
@@ -121,7 +125,8 @@ __kernel void ssao(ssgi_plane depth, ssgi_plane normal, __global const float *re
     const vfloat own_height = v_fma(nx, px, v_fma(ny, py, -(nz * z)));
 #endif
 
-    __global const float *restrict tile = samples + (y & 3) * SSAO_TILE_ROW + (x & 3);
+    __global const float *restrict tile = 
+        samples + (y & (SSAO_TILE - 1)) * SSAO_TILE_ROW + (x & (SSAO_TILE - 1));
     vfloat greatest = zero;
     for (int j = 0; j < SSAO_RADII; ++j) {
         const float wanted = j == 0   ? params.radius_0

@@ -31,6 +31,9 @@ SLICES_NEAREST_TAP = 1.3
 SLICES_LEAST_N_DOT_V = 0.05
 """Cosine between normal and view ray that a grazing or averted normal is taken to have."""
 
+SSAO_TILE = 8
+"""Rows and columns after which the points of SSAO repeat."""
+
 SEEN_SIDE = 32
 """Pixels along the side of a tile whose depths shadow maps are fitted to."""
 

@@ -18,13 +18,13 @@ GOLDEN_ANGLE = 2.0 * np.pi * (1.0 - 1.0 / GOLDEN_RATIO)
 """Of Vogel's spiral (1979), radians: 137.5 degrees."""
 
 
-def bayer() -> NDArray[np.int_]:
-    """Return [4, 4]: the ordered-dither matrix of Bayer 1973, numbers 0 to 15.
+def bayer(doublings: int = 2) -> NDArray[np.int_]:
+    """Return the ordered-dither matrix of Bayer 1973 with sides of 2^doublings: numbers from 0 on, by default to 15.
 
     D_2n = [[4 D_n, 4 D_n + 2], [4 D_n + 3, 4 D_n + 1]] with D_1 = [[0]].
     """
     matrix = np.zeros((1, 1), int)
-    for _ in range(2):
+    for _ in range(doublings):
         matrix = np.block([[4 * matrix, 4 * matrix + 2], [4 * matrix + 3, 4 * matrix + 1]])
     return matrix
 
@@ -103,20 +103,20 @@ def ball_points(count: int, length_power: float) -> Doubles:
 
 
 def reflected_points(count: int, length_power: float) -> Doubles:
-    """Return [4, 4, count, 3]: the points that each pixel of a tile takes.
+    """Return [8, 8, count, 3]: the points that each pixel of a tile takes.
 
-    Pixel k of `bayer` takes every 16th of one list from its k-th on, reflected at the plane across
+    Pixel k of `bayer` takes every 64th of one list from its k-th on, reflected at the plane across
     a unit vector of its own (Mittring 2007): the k-th of a spiral over the half sphere z > 0, at
-    z = (k + 1/2) / 16 and k golden angles.
+    z = (k + 1/2) / 64 and k golden angles.
     """
-    points = ball_points(16 * count, length_power)
-    result = np.zeros((4, 4, count, 3))
-    for (row, column), k in np.ndenumerate(bayer()):
-        z, azimuth = (k + 0.5) / 16.0, k * GOLDEN_ANGLE
+    points = ball_points(64 * count, length_power)
+    result = np.zeros((8, 8, count, 3))
+    for (row, column), k in np.ndenumerate(bayer(3)):
+        z, azimuth = (k + 0.5) / 64.0, k * GOLDEN_ANGLE
         ring = np.sqrt((1.0 - z) * (1.0 + z))
         vector = np.array([ring * np.cos(azimuth), ring * np.sin(azimuth), z])
         mirror = np.eye(3) - 2.0 * np.outer(vector, vector)  # Householder
-        result[row, column] = points[k::16] @ mirror
+        result[row, column] = points[k::64] @ mirror
     return result
 
 

@@ -25,8 +25,8 @@ from ssgi_cl.device.runtime import Runtime
 
 ALIGNED = 64
 """Rows that bands begin at multiples of."""
-REPEATED = 16
-"""Rows after which every pattern repeats: 4, of every fourth pixel at quarter size."""
+REPEATED = 32
+"""Rows after which every pattern repeats: 8, of every fourth pixel at quarter size."""
 CELL = 64
 """Rows of the coarsest cells that light is interpolated from."""
 LEAST_MEMORY, MOST_MEMORY = 1 << 20, 1 << 62

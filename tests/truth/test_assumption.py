@@ -72,10 +72,10 @@ def test_explicit_points_of_a_tile_pixel_give_what_the_reference_gives_there() -
     gbuffer = corner()
     view, params = SurfaceView.of(gbuffer), SsaoParams(radius=RADIUS, samples=12)
     numpy_reference = model.visibility(view, params)
-    for row, column in ((0, 0), (2, 3)):
+    for row, column in ((0, 0), (2, 5)):
         points = reflected_points(12, params.length_power)[row, column]
         a = model.visibility(view, params, points)
-        np.testing.assert_array_equal(a[row::4, column::4], numpy_reference[row::4, column::4])
+        np.testing.assert_array_equal(a[row::8, column::8], numpy_reference[row::8, column::8])
 
 
 def test_passes_are_stretches_of_one_list() -> None:

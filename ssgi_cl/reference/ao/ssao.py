@@ -76,7 +76,7 @@ def visibility(view: SurfaceView, params: SsaoParams, points: Doubles | None = N
     y, x = np.indices((rows, columns))
     if points is None:
         fewest, most = params.samples, max(params.samples, params.max_samples)
-        table = reflected_points(most, params.length_power)[y % 4, x % 4]
+        table = reflected_points(most, params.length_power)[y % 8, x % 8]
     else:
         fewest = most = len(points)
         table = points[None, None]  # row, column, point, axis

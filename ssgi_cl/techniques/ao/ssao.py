@@ -18,6 +18,7 @@ from ssgi_cl.core.params import param, with_fields_described
 from ssgi_cl.core.sampling import DEPTH_BIAS, TILE_ORDER
 from ssgi_cl.device.active_region import Region
 from ssgi_cl.device.arrays import Plane
+from ssgi_cl.device.constants import SSAO_TILE
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime, serialised
 from ssgi_cl.device.structs import CAMERA, Struct, floats, ints
@@ -47,6 +48,10 @@ SSAO = Struct(
 )
 
 FALLOFFS = ("exponential", "ramp")
+POINT_ORDER = np.block([[4 * TILE_ORDER, 4 * TILE_ORDER + 2], [4 * TILE_ORDER + 3, 4 * TILE_ORDER + 1]])
+"""[8, 8] Bayer's order of the pixels of a tile."""
+TABLE_COLUMNS = 16
+"""Columns of a row of the table that kernels read: what as many lanes take from any column of a tile."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,6 +69,9 @@ class SsaoParams(OcclusionParams):
         shape=len,
     )
     samples: int = param(16, "points per pixel and radius", low=1, high=256)
+    blur_radius: int = param(
+        4, "edge-aware blur against the noise of the 8 x 8 tile; 0 for none", low=0, high=16, unit="px"
+    )
     length_power: float = param(
         0.5, "points lie at u^power of the radius, u uniform; 1/3 fills the ball evenly", low=0.05, high=4.0
     )
@@ -169,24 +177,25 @@ def sample_points(count: int, length_power: float) -> NDArray[np.float64]:
 
 
 def tile_vectors() -> NDArray[np.float64]:
-    """Return [4, 4, 3] unit vectors, neighbours far apart: the random vectors of a 4 x 4 tile."""
-    order = TILE_ORDER
+    """Return [8, 8, 3] unit vectors, neighbours far apart: the random vectors of a tile."""
+    order = POINT_ORDER
     # Reflection about v and about -v is the same, so the spiral covers half of the sphere.
-    z = (order + 0.5) / 16.0
+    z = (order + 0.5) / SSAO_TILE**2
     angle = order * (np.pi * (3.0 - np.sqrt(5.0)))
     ring = np.sqrt(1.0 - z * z)
     return np.stack([ring * np.cos(angle), ring * np.sin(angle), z], axis=-1)
 
 
 def reflected_points(count: int, length_power: float) -> NDArray[np.float64]:
-    """Return [4, 4, count, 3]: points of each tile pixel, reflected about its vector.
+    """Return [8, 8, count, 3]: points of each tile pixel, reflected about its vector.
 
-    Each pixel takes every 16th of one list, so that a tile has 16 times as many different points:
-    13 % less error on the built-in scenes than one list for all, whose few lengths would show as
-    contour lines, since a reflection keeps them.
+    Each pixel takes every 64th of one list, so that a tile has 64 times as many different points: one list for all
+    has few lengths, which would show as contour lines, since a reflection keeps them. Tiles of 4 x 4 pixels, whose
+    columns have 4 sets of points each, leave streaks along columns of the hall that no blur takes away.
     """
-    points = sample_points(16 * count, length_power)
-    points = points[TILE_ORDER[..., None] + 16 * np.arange(count)]
+    pixels = SSAO_TILE**2
+    points = sample_points(pixels * count, length_power)
+    points = points[POINT_ORDER[..., None] + pixels * np.arange(count)]
     mirror = tile_vectors()[:, :, None, :]
     along = np.sum(points * mirror, axis=-1, keepdims=True)
     reflected: NDArray[np.float64] = points - 2.0 * along * mirror
@@ -194,10 +203,10 @@ def reflected_points(count: int, length_power: float) -> NDArray[np.float64]:
 
 
 def point_table(params: SsaoParams) -> NDArray[np.float32]:
-    """Return [4 rows, points, 3, 16 columns] as kernels/ssao/ssao.cl reads it."""
+    """Return [8 rows, points, 3, 16 columns] as kernels/ssao/ssao.cl reads it."""
     most = max(params.samples, params.max_samples)
     points = reflected_points(most, params.length_power)  # row, column, point, axis
-    return np.tile(points.transpose(0, 2, 3, 1), 4).astype(np.float32)
+    return np.tile(points.transpose(0, 2, 3, 1), TABLE_COLUMNS // SSAO_TILE).astype(np.float32)
 
 
 class Ssao(OcclusionTechnique):
@@ -393,7 +402,7 @@ DESCRIPTOR = Technique(
     command=True,
     quantity="occlusion",
     variants={"falloff": ("ramp", "exponential"), "outside": ("unknown", 1.0), "resolution": ("full", "quarter")},
-    tunable={"samples": [4, 8, 16, 32, 64], "resolution": ["full", "half"], "blur_radius": [1, 2]},
+    tunable={"samples": [4, 8, 16, 32, 64], "resolution": ["full", "half"], "blur_radius": [2, 4]},
     bench=Bench(
         families=("ssao-blur",),
         rows={"ssao": ("ambient occlusion from points in a ball", (("16 samples, blurred", "ssao-blur.16"),))},

@@ -45,7 +45,8 @@ def test_blurred_result_agrees_with_numpy_reference_at_every_resolution(
 ) -> None:
     gbuffer = view_of(name, size=size, margin=margin)
     a = ssao(gbuffer, RADIUS, resolution=resolution, runtime=variant_runtime)
-    # A flip spreads over the 5 x 5 pixels of the blur and over the pixels of a coarse one.
+    # A flip spreads over the 9 x 9 pixels of the blur, with little weight over the outer ones, and over those of a
+    # coarse pixel.
     assert share_off(a, SUBJECTS["ssao"].expected(gbuffer, resolution=resolution), WEIGHTS) <= 25 * FLIPS
 
 
@@ -54,7 +55,7 @@ def test_blurred_result_agrees_with_numpy_reference_at_every_resolution(
 
 def occlusion_by_formula(params: SsaoParams, row: int, column: int, weight: Any) -> NDArray[np.float64]:
     """Return A of a pixel of `wall` by definition: a point s lies s_z radii in front of it."""
-    points = reflected_points(params.samples, params.length_power)[row % 4, column % 4]
+    points = reflected_points(params.samples, params.length_power)[row % 8, column % 8]
     behind = -points[:, 2]
     return 1.0 - np.mean(np.where(behind > 0, weight(np.maximum(behind, 0.0)), 0.0))
 
@@ -137,13 +138,13 @@ def test_samples_grow_with_the_projected_radius_up_to_the_most(runtime: Runtime,
 # ---- what must not matter
 
 
-@pytest.mark.parametrize(("resolution", "bound"), [("half", 0.035), ("quarter", 0.065)])
+@pytest.mark.parametrize(("resolution", "bound"), [("half", 0.033), ("quarter", 0.061)])
 def test_reduced_resolution_is_close_to_the_full_one(runtime: Runtime, resolution: str, bound: float) -> None:
     gbuffer = view_of("corner", size=(121, 161))
-    full = ssao(gbuffer, RADIUS, runtime=runtime)
-    a = ssao(gbuffer, RADIUS, resolution=resolution, runtime=runtime)
-    # A blur of 4 px covers 2 and 4 times the length, and creases are that much wider. Measured:
-    # RMSE 0.026 and 0.051; the bound leaves room for other points, not for a shift by a pixel.
+    full = ssao(gbuffer, RADIUS, blur_radius=2, runtime=runtime)
+    a = ssao(gbuffer, RADIUS, resolution=resolution, blur_radius=2, runtime=runtime)
+    # The blur covers 2 and 4 times the length, and creases are that much wider. Measured: RMSE 0.028
+    # and 0.059, shifted by a pixel 0.036 and 0.063.
     assert math.sqrt(np.mean((a - full) ** 2)) < bound
 
 

@@ -79,11 +79,11 @@ def ladder(steps: Sequence[Step], usual: Step) -> list[Step]:
     """Return steps of rising time and falling errors on both sets, `usual` among them.
 
     Faster steps that err less than `usual` on either set are left out, as `usual` would not
-    improve on them; slower ones that blur more widely too.
+    improve on them; slower ones that are coarser too.
     """
     faster = [step for step in steps if SLOWER * step.ms <= usual.ms and usual.improves(step)]
     slower = [
-        step for step in steps if step.ms >= SLOWER * usual.ms and step.improves(usual) and _blur(step) <= _blur(usual)
+        step for step in steps if step.ms >= SLOWER * usual.ms and step.improves(usual) and _every(step) <= _every(usual)
     ]
     result: list[Step] = []
     for group in (faster, [usual], slower):
@@ -225,9 +225,9 @@ def _timed_again(trials: Mapping[str, Trials], step: Step) -> Step:
     return replace(step, ms=careful.ms)
 
 
-def _blur(step: Step) -> int:
-    """Return the radius of a step's blur in pixels of the full size."""
-    return int(step.parameters.get("blur_radius", 0)) * RESOLUTIONS[step.parameters.get("resolution", "full")]
+def _every(step: Step) -> int:
+    """Return every how many pixels a step computes."""
+    return RESOLUTIONS[step.parameters.get("resolution", "full")]
 
 
 def _rounded(value: Any) -> Any:

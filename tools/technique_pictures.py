@@ -113,7 +113,7 @@ def _multi_bounce() -> tuple[Picture, ...]:
 def _bilateral_blur() -> tuple[Picture, ...]:
     built, _, gbuffer = _scene("hall")
     ao = gi.ssao(gbuffer, radius=built.ao_radius, blur_radius=0)
-    return _grey(ao), _grey(gi.bilateral_blur(ao, gbuffer, radius=2))
+    return _grey(ao), _grey(gi.bilateral_blur(ao, gbuffer))
 
 
 def _upsample() -> tuple[Picture, ...]:

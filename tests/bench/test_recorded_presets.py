@@ -35,9 +35,8 @@ from ssgi_cl.tuning.trials import geometric_mean
 from .documents import boxes
 
 
-def step(name: str, ms: float, tuning: float, validation: float, blur: int = 2, resolution: str = "full") -> Step:
-    values = {"name": name, "blur_radius": blur, "resolution": resolution}
-    return Step(values, ms, tuning, validation)
+def step(name: str, ms: float, tuning: float, validation: float, resolution: str = "full") -> Step:
+    return Step({"name": name, "resolution": resolution}, ms, tuning, validation)
 
 
 def names(steps: Sequence[Step]) -> list[str]:
@@ -60,10 +59,9 @@ USUAL = step("usual", 10.0, 0.10, 0.12)
              step("good", 21.0, 0.1 * GAIN - 1e-6, 0.12 * GAIN - 1e-6)],
             ["usual", "good"],
         ),
-        (  # blur gets no wider with time; two pixels at half resolution are four of the full one
-            [step("wide", 20.0, 0.05, 0.05, blur=3), step("half", 30.0, 0.05, 0.05, blur=2, resolution="half"),
-             step("half, narrow", 40.0, 0.06, 0.06, blur=1, resolution="half")],
-            ["usual", "half, narrow"],
+        (  # pictures get no coarser with time
+            [step("half", 30.0, 0.05, 0.05, resolution="half"), step("full", 40.0, 0.06, 0.06)],
+            ["usual", "full"],
         ),
     ],
 )  # fmt: skip
@@ -159,10 +157,10 @@ def test_record_holds_a_ladder_for_each_number_of_layers(sets: SceneSets, monkey
     usual = entry.params().samples
 
     def made_up(trials: Any, values: Mapping[str, Any]) -> Step:
-        """Time by samples; error too, less at full resolution and with a blur."""
+        """Time by samples; error too, less at full resolution."""
         half = values["resolution"] == "half"
-        error = 1.0 / values["samples"] + (0.3 if half else 0.0) + 0.1 / (1 + values["blur_radius"])
-        ms = 0.1 * values["samples"] * (0.25 if half else 1.0) + 0.01 * values["blur_radius"]
+        error = 1.0 / values["samples"] + (0.3 if half else 0.0)
+        ms = 0.1 * values["samples"] * (0.25 if half else 1.0)
         return Step(values, ms, error, 1.1 * error)
 
     monkeypatch.setattr(module, "_step", made_up)

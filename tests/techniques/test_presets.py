@@ -365,7 +365,7 @@ def test_expected_error_is_that_of_the_scenes_for_tuning(runtime: Runtime) -> No
 # ---- how it reaches the caller
 
 
-@pytest.mark.parametrize("given", [{}, {"samples": 5}], ids=str)
+@pytest.mark.parametrize("given", [{}, {"resolution": "half"}], ids=str)
 def test_ssao_takes_what_is_not_given_from_the_preset(runtime: Runtime, steps: GBuffer, given: dict[str, Any]) -> None:
     a = ssao(steps, 0.6, preset="ultra", runtime=runtime, **given)
     values = {**presets.parameters("ssao", "ultra"), **given}

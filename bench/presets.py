@@ -82,9 +82,8 @@ def ladder(steps: Sequence[Step], usual: Step) -> list[Step]:
     improve on them; slower ones that are coarser too.
     """
     faster = [step for step in steps if SLOWER * step.ms <= usual.ms and usual.improves(step)]
-    slower = [
-        step for step in steps if step.ms >= SLOWER * usual.ms and step.improves(usual) and _every(step) <= _every(usual)
-    ]
+    improving = [step for step in steps if step.improves(usual) and _every(step) <= _every(usual)]
+    slower = [step for step in improving if step.ms >= SLOWER * usual.ms]
     result: list[Step] = []
     for group in (faster, [usual], slower):
         for step in sorted(group, key=lambda step: (step.ms, step.tuning)):

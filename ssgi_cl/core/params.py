@@ -20,7 +20,7 @@ def param(
     doc: str,
     *,
     low: float = -math.inf,
-    high: float = math.inf,
+    high: float | None = None,
     unit: str = "",
     choices: tuple[str, ...] = (),
     above: bool = False,
@@ -33,13 +33,14 @@ def param(
 
     Args:
         default, doc: its default and its meaning.
-        low, high, above, unit, choices: what it may be.
+        low, high, above, unit, choices: what it may be; infinite only if `high` is.
         shape: returns the part of the value that programs and allocations depend on; `bool` for
             a number of which 0 is a program of its own. By default nothing of a float, which is
             an argument of kernels, and all of anything else.
     """
-    metadata = {"doc": doc, "low": low, "high": high, "unit": unit, "choices": choices, "above": above, "shape": shape}
-    return dataclasses.field(default=default, metadata=metadata)
+    metadata = {"doc": doc, "low": low, "unit": unit, "choices": choices, "above": above, "shape": shape}
+    most = {"high": math.inf if high is None else high, "infinite": high == math.inf}
+    return dataclasses.field(default=default, metadata=metadata | most)
 
 
 @cache
@@ -72,8 +73,7 @@ class Params:
                 if kinds[field.name] is int:
                     value = checks.integer(field.name, value, **limits)
                 else:
-                    infinite = rule["high"] == field.default == math.inf
-                    value = checks.number(field.name, value, **limits, above=rule["above"], infinite=infinite)
+                    value = checks.number(field.name, value, **limits, above=rule["above"], infinite=rule["infinite"])
             object.__setattr__(self, field.name, value)
 
     def shape(self) -> Hashable:

@@ -29,7 +29,7 @@ class Example(Params):
     count: int = param(4, "samples", low=1, high=8)
     mode: str = param("fast", "how", choices=("fast", "good"))
     flip: bool = param(True, "whether")
-    limit: float = param(math.inf, "largest size", unit="px", low=1.0)
+    limit: float = param(math.inf, "largest size", unit="px", low=1.0, high=math.inf)
 
 
 def test_defaults_are_allowed_and_numbers_become_those_of_python() -> None:

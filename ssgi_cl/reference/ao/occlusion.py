@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -13,21 +14,21 @@ RESOLUTIONS = {"full": 1, "half": 2, "quarter": 4}
 """Name -> pixels of the image from one that is computed to the next."""
 DEPTH_SIGMA = 0.002
 """Of the blur, per pixel of its image; the angle's is that of `Blur`."""
-JOINED_SIGMA = 0.4
-"""Standard deviation in pixels of the blur of joined taps, over its radius + 1."""
-
 TILE_SIGMA = 2.0 / 1.3862943611198906**0.5
-"""Of GTAO's blur of radius 3: exp(-4 / (2 sigma^2)) = 1/2."""
+"""Standard deviation of the blur of radius 3 of scans, px: exp(-4 / (2 sigma^2)) = 1/2."""
 
 
 def blur_of(params: Any) -> Blur:
     """Return the blur that parameters of ambient occlusion ask for."""
     step = RESOLUTIONS[params.resolution] if params.blur_resolution == "own" else 1
     sigma = 0.0
-    if getattr(params, "joined", False):
-        sigma = JOINED_SIGMA * (params.blur_radius + 1)
-    elif hasattr(params, "bent_normals") and params.blur_radius == 3:  # GTAO's
-        sigma = TILE_SIGMA
+    if step == RESOLUTIONS[params.resolution]:
+        # Half of what a pattern repeats after: 4 px of scans, 8 px of the points of SSAO.
+        scans = hasattr(params, "slices")
+        if params.blur_radius == (2 if scans else 4):
+            sigma = math.inf
+        elif scans and params.blur_radius == 3:
+            sigma = TILE_SIGMA
     return Blur(
         radius=params.blur_radius,
         passes=params.blur_passes,

@@ -111,6 +111,15 @@ def fit_of(off: Doubles, cosine: Doubles, params: BilateralParams | Blur) -> Dou
     return fit
 
 
+def near(dy: int, dx: int, params: BilateralParams | Blur) -> float:
+    """Return the weight in space of a pixel so many rows and columns away."""
+    if np.isinf(params.sigma):
+        halves: float = 0.5 ** ((abs(dy) == params.radius) + (abs(dx) == params.radius))
+        return halves
+    sigma = params.sigma or 0.5 * (params.radius + 1)
+    return float(np.exp(-0.5 * (dx * dx + dy * dy) / sigma**2))
+
+
 def _beside(value: Doubles, known: NDArray[np.bool_]) -> Doubles:
     """Return the mean of the known pixels beside each in its row; without one 1, and 0 of further channels."""
     padded = np.pad(value * known[..., None], ((0, 0), (1, 1), (0, 0)))
@@ -134,7 +143,6 @@ def _blurred(
     row, column = (view.inner(centre) for centre in view.centres())
     there = np.isfinite(depth)
     safe = np.where(there, depth, 1.0)
-    sigma = params.sigma or 0.5 * (params.radius + 1)
     total = np.zeros((rows, columns))
     result = np.zeros_like(value)
     for dy, dx in offsets:
@@ -148,8 +156,7 @@ def _blurred(
         cosine = np.sum(normal * normal[ty, tx], axis=-1)
         counts = inside & other_there if known is None else inside & other_there & known[ty, tx]
         fit = np.where(counts, fit_of(off, cosine, params), 0.0)
-        weight = np.exp(-0.5 * (dx * dx + dy * dy) / sigma**2)
-        weight = weight * np.maximum(fit, 0.0) ** FIT_POWER
+        weight = near(dy, dx, params) * np.maximum(fit, 0.0) ** FIT_POWER
         if (dy, dx) == (0, 0):
             weight = np.ones_like(weight) if known is None else known.astype(np.float64)
         total += weight

@@ -8,7 +8,6 @@ from typing import Self
 
 from ssgi_cl.core.params import param
 from ssgi_cl.techniques.ao.slices import ScanParams, SliceKeywords, SliceTechnique
-from ssgi_cl.techniques.filters.bilateral import BilateralParams
 
 SECTORS = ("cosine", "angle")
 ENDS = ("thickness", "layer")
@@ -16,8 +15,6 @@ MOST_TAPS = 64
 """Of a side of a slice."""
 KNOWN_SLACK = 0.5
 """Of `slack`, where several layers have a thickness by pixel: the tap behind a solid is rarely of its surface."""
-JOINED_SIGMA = 0.4
-"""Standard deviation of the blur of joined taps over its radius and a half pixel on either side."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,12 +74,6 @@ class BitmaskParams(ScanParams):
         """Return the most taps of a side in each of so many layers but the first."""
         front = self.in_front_of(layers).taps
         return -(-front // 3) if self.joined and layers > 1 else front
-
-    @property
-    def blur(self) -> BilateralParams:
-        """Parameters of the blur of A: a narrower one suffices for joined taps, which have less noise."""
-        blur = super().blur
-        return replace(blur, sigma=JOINED_SIGMA * (blur.radius + 1)) if self.joined else blur
 
     @property
     def overshoot(self) -> float:

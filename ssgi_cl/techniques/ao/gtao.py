@@ -5,9 +5,8 @@ Bent normals, the mean unoccluded directions, come from the same horizons.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal, Unpack, overload
 
 import numpy as np
@@ -33,12 +32,7 @@ from ssgi_cl.techniques.ao.slices import (
     slice_reach,
 )
 from ssgi_cl.techniques.bands import banded
-from ssgi_cl.techniques.filters.bilateral import BilateralParams
 from ssgi_cl.techniques.technique import Bench, Technique
-
-TILE_SIGMA = math.sqrt(2.0 / math.log(2.0))
-"""Standard deviation in pixels of the blur of the tile: two pixels away it weighs half, so that along rows and columns
-what repeats every 4 pixels cancels out: 1 - 2 / 2 = 0."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,12 +75,6 @@ class GtaoParams(ScanParams):
     def channels(self) -> int:
         """A, and x, y and z of the bent normal."""
         return 4 if self.bent_normals else 1
-
-    @property
-    def blur(self) -> BilateralParams:
-        """Parameters of the blur of A; one less than the tile's size in radius, it cancels the tile's pattern."""
-        blur = super().blur
-        return replace(blur, sigma=TILE_SIGMA) if blur.radius == TILE - 1 else blur
 
 
 class GtaoKeywords(SliceKeywords, total=False):

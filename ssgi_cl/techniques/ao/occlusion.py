@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, TypedDict, TypeVar, get_args
@@ -53,6 +53,9 @@ class OcclusionParams(Params):
         choices=BLUR_RESOLUTIONS,
     )
 
+    cancelling: ClassVar[Mapping[int, float]] = {}
+    """Radius of the blur -> its standard deviation in space, px, with which nothing is left of the pattern."""
+
     @property
     def channels(self) -> int:
         """Images of a result: A, and the technique's other results; all are blurred alike."""
@@ -66,8 +69,14 @@ class OcclusionParams(Params):
     @property
     def blur(self) -> BilateralParams:
         """Parameters of the blur of A."""
-        step = RESOLUTIONS[self.resolution] if self.blur_resolution == "own" else 1
-        return BilateralParams(radius=self.blur_radius, passes=self.blur_passes, depth_sigma=BLUR_DEPTH_SIGMA * step)
+        every = RESOLUTIONS[self.resolution]
+        step = every if self.blur_resolution == "own" else 1
+        return BilateralParams(
+            radius=self.blur_radius,
+            passes=self.blur_passes,
+            depth_sigma=BLUR_DEPTH_SIGMA * step,
+            sigma=self.cancelling.get(self.blur_radius, 0.0) if step == every else 0.0,
+        )
 
 
 class OcclusionKeywords(TypedDict, total=False):

@@ -97,6 +97,10 @@ class SliceParams(OcclusionParams):
 class ScanParams(SliceParams):
     """Parameters of the techniques of ambient occlusion that scan slices."""
 
+    cancelling: ClassVar[Mapping[int, float]] = {TILE // 2: math.inf, TILE - 1: math.sqrt(2.0 / math.log(2.0))}
+    """The mean of the tile, and a Gaussian that weighs half two pixels away: what repeats every 4 pixels along rows or
+    columns cancels out, 1 - 2 / 2 = 0."""
+
     checkerboard: bool = param(
         False,
         "scan every other pixel, as on a checkerboard: the blur finds the others from their neighbours; at full "

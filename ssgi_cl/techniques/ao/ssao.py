@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, Unpack, overload
+from typing import Any, ClassVar, Literal, Unpack, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -61,6 +61,9 @@ class SsaoParams(OcclusionParams):
     The default contrast was chosen on generated scenes: the RMSE is 10 % less than with 1 on those
     for tuning, 7 % on those for validation.
     """
+
+    cancelling: ClassVar[Mapping[int, float]] = {SSAO_TILE // 2: math.inf}
+    """The mean of the tile."""
 
     radius: float | tuple[float, ...] = param(
         0.5,

@@ -34,7 +34,14 @@ class BilateralParams(Params):
     """Parameters of the edge-aware blur (Tomasi and Manduchi 1998, as a cross-bilateral filter)."""
 
     radius: int = param(4, "pixels on either side; 7 is a 15 x 15 blur", low=0, high=16, unit="px")
-    sigma: float = param(0.0, "standard deviation in space; 0 for (radius + 1) / 2", low=0.0, high=100.0, unit="px")
+    sigma: float = param(
+        0.0,
+        "standard deviation in space; 0 for (radius + 1) / 2; inf for the mean of 2 radius pixels, in which those at "
+        "either end count by half: of what repeats after as many nothing is left",
+        low=0.0,
+        high=math.inf,
+        unit="px",
+    )
     depth_sigma: float = param(
         0.01,
         "standard deviation of the distance from the tangent plane, relative to depth "
@@ -57,6 +64,8 @@ class BilateralParams(Params):
         """Return the weights in space of distances 0 to `radius`."""
         sigma = self.sigma or 0.5 * (self.radius + 1)
         weights: NDArray[np.float64] = np.exp(-0.5 * (np.arange(self.radius + 1) / sigma) ** 2)
+        if math.isinf(sigma) and self.radius > 0:
+            weights[-1] = 0.5
         return weights
 
     def scales(self) -> dict[str, float]:

@@ -18,28 +18,6 @@ from ..analytic import camera, view_of
 from ..walls import wall_and_floor
 
 
-def test_the_blur_cancels_what_repeats_with_the_tile(rng: np.random.Generator) -> None:
-    pattern = rng.standard_normal((4, 4))
-    pattern -= pattern.mean()
-
-    def left(params: GtaoParams) -> float:
-        weights = params.blur.weights()
-        kernel = np.concatenate([weights[:0:-1], weights])
-        kernel /= kernel.sum()
-        blurred = np.tile(pattern, (6, 6))
-        for axis in (0, 1):
-            blurred = np.apply_along_axis(np.convolve, axis, blurred, kernel, "same")
-        return float(np.std(blurred[8:16, 8:16]) / np.std(pattern))
-
-    weights = GtaoParams().blur.weights()
-    assert weights[0] == pytest.approx(2.0 * weights[2])  # period 4
-    # Period 2: 1 - 2 x .841 + 2 x .5 - 2 x .210 over the sum, 4.10.
-    assert left(GtaoParams()) < 0.026
-    assert left(GtaoParams(blur_radius=2)) > 0.04
-    # Other radii have the usual Gaussian.
-    assert GtaoParams(blur_radius=4).blur.sigma == 0.0
-
-
 def test_corner_with_an_endless_radius_hides_half_of_the_light(runtime: Runtime) -> None:
     gbuffer, distance = wall_and_floor("orthographic")
     a, _ = gtao(gbuffer, 1e6, 16, 48, blur_radius=0, bent_normals=True, runtime=runtime)

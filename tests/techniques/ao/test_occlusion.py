@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.device.gbuffer import DeviceGBuffer
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.techniques.ao.ssao import ssao
+from ssgi_cl.techniques.filters.bilateral import BilateralParams
 
 from ..analytic import (
     CAMERAS,
@@ -34,6 +36,34 @@ from .subjects import FLIPS, RADIUS, ROUNDING, SLICED, SUBJECTS, Subject
 def subject(request: pytest.FixtureRequest) -> Subject:
     """Each technique."""
     return SUBJECTS[request.param]
+
+
+# ---- the blur
+
+
+def left_of_the_pattern(blur: BilateralParams, tile: int, rng: np.random.Generator) -> float:
+    """Return the part of what repeats with a tile that a blur on a plane leaves."""
+    pattern = rng.standard_normal((tile, tile))
+    pattern -= pattern.mean()
+    weights = blur.weights()
+    kernel = np.concatenate([weights[:0:-1], weights])
+    blurred = np.tile(pattern, (6, 6))
+    for axis in (0, 1):
+        blurred = np.apply_along_axis(np.convolve, axis, blurred, kernel / kernel.sum(), "same")
+    inner = slice(tile * 2, tile * 4)
+    return float(np.std(blurred[inner, inner]) / np.std(pattern))
+
+
+@pytest.mark.parametrize(("name", "tile"), [(name, 8 if name == "ssao" else 4) for name in SUBJECTS])
+def test_the_blur_takes_away_what_repeats_with_the_tile(rng: np.random.Generator, name: str, tile: int) -> None:
+    params = SUBJECTS[name].params()
+    # The mean of the tile leaves roundings; of GTAO's Gaussian of radius 3, .5 two pixels away, of period 2
+    # 1 - 2 x .841 + 2 x .5 - 2 x .210 over the sum, 4.10.
+    assert left_of_the_pattern(params.blur, tile, rng) < (0.026 if name == "gtao" else 1e-12)
+    other = replace(params, blur_radius=params.blur_radius - 1)
+    assert other.blur.sigma == (math.inf if name == "gtao" else 0.0)
+    late = replace(params, resolution="half", blur_resolution="full")
+    assert late.blur.sigma == 0.0  # the tile is twice as large there
 
 
 # ---- against the numpy reference

@@ -25,7 +25,7 @@ from ssgi_cl.rasterize.raster.view import device_scene, margin_of
 from ssgi_cl.techniques import presets
 from ssgi_cl.techniques.ao.occlusion import prepared_for
 from ssgi_cl.techniques.catalogue import TECHNIQUES
-from ssgi_cl.techniques.presets.front import SCANS
+from ssgi_cl.techniques.presets.front import SCANS, scans
 from ssgi_cl.truth import metrics
 from ssgi_cl.tuning.context import Context
 from ssgi_cl.tuning.trials import geometric_mean
@@ -154,12 +154,11 @@ def _drawn(context: Context, layers: int, overscan: float) -> dict[bool, DeviceG
     return {given: context.layered(layers, overscan, thickness=given) for given in (False, True)}
 
 
-def settings_of(sets: SceneSets, layers: int, runs: int) -> Iterator[dict[str, Any]]:
-    """Yield the record of each setting for a number of layers."""
+def settings_of(sets: SceneSets, layers: int, ratios: Sequence[float]) -> Iterator[dict[str, Any]]:
+    """Yield the record of each setting, whose times over GTAO's are given, for a number of layers."""
     tuning, validation = sets.contexts["tuning"], sets.contexts["validation"]
     whole, cut = (errors(tuning, SETTINGS, layers, overscan) for overscan in (OVERSCAN, 0.0))
     other = errors(validation, SETTINGS, layers, OVERSCAN)
-    ratios = times(tuning, SETTINGS, layers, runs)
     for number, setting in enumerate(SETTINGS):
         yield {
             "technique": setting.technique,
@@ -177,19 +176,25 @@ def settings_of(sets: SceneSets, layers: int, runs: int) -> Iterator[dict[str, A
 @device_option
 @click.option("--runs", default=5, show_default=True, type=click.IntRange(1), help="Of which times are medians.")
 @click.option("-o", "--output", type=click.Path(path_type=Path, dir_okay=False), help="By default the library's own.")
-def main(device: str | None, runs: int, output: Path | None) -> None:
+@click.option("--keep-times", is_flag=True, help="Find errors anew, and take the times from the record.")
+def main(device: str | None, runs: int, output: Path | None, *, keep_times: bool) -> None:
     """Record errors and times of the settings, on the scenes for tuning and those for validation."""
     with progress_bar() as report:
         sets = SceneSets(Runtime.open(device), progress=report)
         settings: list[dict[str, Any]] = []
         drawn: list[dict[str, float]] = []
+        before = scans()
         for number, layers in enumerate(LAYERS):
             report(f"{layers} layers", number / len(LAYERS))
-            settings += settings_of(sets, layers, runs)
+            if keep_times:
+                ratios = [known["times"] for known in before["settings"] if known["layers"] == layers]
+                settings += settings_of(sets, layers, ratios)
+                continue
+            settings += settings_of(sets, layers, times(sets.contexts["tuning"], SETTINGS, layers, runs))
             for overscan in (0.0, OVERSCAN):
-                ratios = (float(f"{own:.4g}") for own in drawing(sets.contexts["tuning"], layers, overscan, runs))
+                own = (float(f"{ms:.4g}") for ms in drawing(sets.contexts["tuning"], layers, overscan, runs))
                 kind = {"layers": layers, "overscan": overscan}
-                drawn.append(kind | dict(zip(("without thickness", "with thickness"), ratios, strict=True)))
+                drawn.append(kind | dict(zip(("without thickness", "with thickness"), own, strict=True)))
     runtime = sets.runtime
     document = {
         "format": SCANS,
@@ -205,6 +210,8 @@ def main(device: str | None, runs: int, output: Path | None) -> None:
         "drawn": drawn,
         "settings": settings,
     }
+    if keep_times:
+        document |= {key: before[key] for key in ("date", "version", "device", "variant", "drawn")}
     path = output or Path(presets.__file__).parent / presets.FRONT
     with replacement(path) as file:
         file.write_text(written_as(document) + "\n", encoding="utf-8")

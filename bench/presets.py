@@ -187,8 +187,23 @@ def _recorded(entry: Technique, sets: SceneSets, layers: int, progress: Report |
     steps = without_noise(steps)
     usual = steps[every.index(usual_values)]
     chain = ladder(steps, usual)
+    return _written(
+        sets,
+        entry,
+        layers,
+        {
+            "default": usual,
+            "presets": named(chain, usual),
+            "curve": chain,
+            "better_than_default": better_than(steps, usual),
+        },
+    )
+
+
+def _written(sets: SceneSets, entry: Technique, layers: int, chosen: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what is recorded of the steps for one number of layers."""
+    trials = sets.trials(entry, layers)
     whole = sets.trials(entry, layers, 0.0)["tuning"]
-    chosen = named(chain, usual)
 
     def written(step: Step) -> dict[str, Any]:
         return {
@@ -206,11 +221,36 @@ def _recorded(entry: Technique, sets: SceneSets, layers: int, progress: Report |
 
     return {
         "layers": layers,
-        "default": written(usual),
-        "presets": {name: {**written(step), "by_scene": by_scene(step)} for name, step in chosen.items()},
-        "curve": [written(step) for step in chain],
-        "better_than_default": [written(step) for step in better_than(steps, usual)],
+        "default": written(chosen["default"]),
+        "presets": {name: {**written(step), "by_scene": by_scene(step)} for name, step in chosen["presets"].items()},
+        "curve": [written(step) for step in chosen["curve"]],
+        "better_than_default": [written(step) for step in chosen["better_than_default"]],
     }
+
+
+def errors_anew(document: Mapping[str, Any], sets: SceneSets) -> dict[str, Any]:
+    """Return a record with the errors of its settings found anew, and choice and times as they are.
+
+    Args:
+        document: what `record_presets` returned.
+        sets: the scenes.
+    """
+    entry = entry_of(document["technique"])
+
+    def again(trials: Mapping[str, Trials], known: Mapping[str, Any]) -> Step:
+        values = known["parameters"]
+        return Step(values, known["ms"], trials["tuning"].error(values), trials["validation"].error(values))
+
+    layers = []
+    for recorded in document["layers"]:
+        trials = sets.trials(entry, recorded["layers"])
+        chosen = {
+            "default": again(trials, recorded["default"]),
+            "presets": {name: again(trials, known) for name, known in recorded["presets"].items()},
+            **{key: [again(trials, known) for known in recorded[key]] for key in ("curve", "better_than_default")},
+        }
+        layers.append(_written(sets, entry, recorded["layers"], chosen))
+    return {**document, "scenes": {name: described(sets.views[name]) for name in SETS}, "layers": layers}
 
 
 def _step(trials: Mapping[str, Trials], values: Mapping[str, Any]) -> Step:
@@ -260,14 +300,18 @@ def written_as(value: Any, indent: str = "") -> str:
     type=click.Path(path_type=Path, dir_okay=False),
     help="The JSON file; by default the one that the library reads.",
 )
-def main(technique: str, device: str | None, meshes: Path | None, output: Path | None) -> None:
+@click.option("--keep-times", is_flag=True, help="Find the errors of the recorded settings anew, and nothing else.")
+def main(technique: str, device: str | None, meshes: Path | None, output: Path | None, *, keep_times: bool) -> None:
     """Record the presets of TECHNIQUE: tuned on generated scenes, validated with others.
 
     Takes some minutes. Nothing else should keep the machine busy meanwhile.
     """
     with progress_bar() as report:
         sets = SceneSets(Runtime.open(device), meshes=meshes, progress=report)
-        result = record_presets(technique, sets, progress=report)
+        if keep_times:
+            result = errors_anew(presets.record(technique), sets)
+        else:
+            result = record_presets(technique, sets, progress=report)
     path = output or Path(presets.__file__).parent / f"{technique}.json"
     with replacement(path) as file:
         file.write_text(written_as(result) + "\n", encoding="utf-8")

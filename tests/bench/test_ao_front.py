@@ -11,7 +11,7 @@ import pytest
 
 import ssgi_cl as gi
 from ssgi_cl.bench import ao_front as module
-from ssgi_cl.bench.ao_front import Setting, drawing, settings_of
+from ssgi_cl.bench.ao_front import Setting, drawing, settings_of, times
 from ssgi_cl.bench.scene_sets import OVERSCAN, SETS, SceneSets
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.techniques.presets.front import scans
@@ -47,7 +47,8 @@ def test_a_setting_has_its_errors_and_its_time_over_that_of_gtao(
     sets: SceneSets, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     said(monkeypatch, 2.0, 3.0, 8.0)  # the defaults of GTAO, then the settings
-    first, second = settings_of(sets, 2, 3)
+    ratios = times(sets.contexts["tuning"], SETTINGS, 2, 3)
+    first, second = settings_of(sets, 2, ratios)
     assert (first["times"], second["times"]) == (1.5, 4.0)
     assert (second["technique"], second["layers"], second["thickness"]) == ("bitmask_ao", 2, True)
     assert second["parameters"] == {"slices": 3}

@@ -18,6 +18,7 @@ from ssgi_cl.bench.presets import (
     Step,
     better_than,
     candidates,
+    errors_anew,
     ladder,
     named,
     record_presets,
@@ -183,6 +184,15 @@ def test_record_holds_a_ladder_for_each_number_of_layers(sets: SceneSets, monkey
         assert (presets["high"]["reporting"], presets["high"]["error_cut"]) == (0.3536, 0.125)
         assert presets["low"]["parameters"] in [point["parameters"] for point in recorded["curve"]]
     assert document["pace"]["call_ms"] == 0.01235
+    # Errors are found anew, .125 on any scene; choice and times stay.
+    again = errors_anew(document, sets)
+    for recorded, known in zip(again["layers"], document["layers"], strict=True):
+        for name, preset in recorded["presets"].items():
+            before = known["presets"][name]
+            assert (preset["ms"], preset["parameters"]) == (before["ms"], before["parameters"])
+            assert (preset["error"], preset["validation"]) == (0.125, 0.125)
+        assert [point["ms"] for point in recorded["curve"]] == [point["ms"] for point in known["curve"]]
+    assert {**again, "layers": None} == {**document, "layers": None}
 
 
 @pytest.mark.usefixtures("_no_trials")

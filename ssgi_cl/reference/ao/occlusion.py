@@ -14,6 +14,9 @@ RESOLUTIONS = {"full": 1, "half": 2, "quarter": 4}
 """Name -> pixels of the image from one that is computed to the next."""
 DEPTH_SIGMA = 0.002
 """Of the blur, per pixel of its image; the angle's is that of `Blur`."""
+JOINED_SIGMA = 0.4
+"""Standard deviation in pixels of the blur of more than two joined slices, over its radius + 1."""
+
 TILE_SIGMA = 2.0 / 1.3862943611198906**0.5
 """Standard deviation of the blur of radius 3 of scans, px: exp(-4 / (2 sigma^2)) = 1/2."""
 
@@ -22,7 +25,9 @@ def blur_of(params: Any) -> Blur:
     """Return the blur that parameters of ambient occlusion ask for."""
     step = RESOLUTIONS[params.resolution] if params.blur_resolution == "own" else 1
     sigma = 0.0
-    if step == RESOLUTIONS[params.resolution]:
+    if getattr(params, "joined", False) and params.slices > 2:
+        sigma = JOINED_SIGMA * (params.blur_radius + 1)
+    elif step == RESOLUTIONS[params.resolution]:
         # Half of what a pattern repeats after: 4 px of scans, 8 px of the points of SSAO.
         scans = hasattr(params, "slices")
         if params.blur_radius == (2 if scans else 4):

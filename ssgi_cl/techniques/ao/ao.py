@@ -29,7 +29,6 @@ from ssgi_cl.techniques.ao.bitmask import BitmaskAo
 from ssgi_cl.techniques.ao.confidence import with_confidence
 from ssgi_cl.techniques.ao.gtao import Gtao
 from ssgi_cl.techniques.ao.occlusion import OcclusionTechnique, prepared_for, surfaces_on_device, without_thickness
-from ssgi_cl.techniques.ao.ssao import Ssao
 from ssgi_cl.techniques.presets.choose import Choice, check_single, reaches, with_layers
 from ssgi_cl.techniques.presets.front import OVERSCAN, SHARE, Option, drawn_options, every_option, front, named
 from ssgi_cl.techniques.presets.speed_model import predicted_ms
@@ -37,7 +36,7 @@ from ssgi_cl.techniques.radius import sensible_radius
 
 Floats = NDArray[np.float32]
 
-TECHNIQUES: dict[str, type[OcclusionTechnique]] = {each.name: each for each in (Ssao, Gtao, BitmaskAo)}
+TECHNIQUES: dict[str, type[OcclusionTechnique]] = {each.name: each for each in (Gtao, BitmaskAo)}
 
 FILLED = 0.85
 """Share of a budget that the median of the measured calls may take: single calls take longer or shorter."""
@@ -113,7 +112,7 @@ def ao(
 ) -> Floats | tuple[Floats | Choice, ...]:
     """Compute cosine-weighted ambient occlusion with the technique and the setting that suit a wish.
 
-    The choice is among the recorded settings of `ssao`, `gtao` and `bitmask_ao`: slices, samples, taps,
+    The choice is among the recorded settings of `gtao` and `bitmask_ao`: slices, taps,
     resolution and blur. With a scene and its camera in place of a G-buffer, depth layers, overscan and
     whether the ends of solids are drawn are chosen too.
 

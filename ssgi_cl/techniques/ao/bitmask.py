@@ -8,9 +8,14 @@ from typing import Self
 
 from ssgi_cl.core.params import param
 from ssgi_cl.techniques.ao.slices import ScanParams, SliceKeywords, SliceTechnique
+from ssgi_cl.techniques.filters.bilateral import BilateralParams
 
 SECTORS = ("cosine", "angle")
 ENDS = ("thickness", "layer")
+JOINED_SIGMA = 0.4
+"""Standard deviation of the blur of many joined slices over its radius and a pixel."""
+FEW_SLICES = 2
+"""Up to so many are blurred by the mean of the tile: without it floors and walls have dots."""
 MOST_TAPS = 64
 """Of a side of a slice."""
 KNOWN_SLACK = 0.5
@@ -74,6 +79,13 @@ class BitmaskParams(ScanParams):
         """Return the most taps of a side in each of so many layers but the first."""
         front = self.in_front_of(layers).taps
         return -(-front // 3) if self.joined and layers > 1 else front
+
+    @property
+    def blur(self) -> BilateralParams:
+        """Parameters of the blur of A: a narrower one suffices for more joined slices, which have less noise."""
+        blur = super().blur
+        narrow = self.joined and self.slices > FEW_SLICES
+        return replace(blur, sigma=JOINED_SIGMA * (blur.radius + 1)) if narrow else blur
 
     @property
     def overshoot(self) -> float:

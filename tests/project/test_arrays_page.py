@@ -208,7 +208,7 @@ def test_sky_view_of_a_cliff_is_the_closed_form(monkeypatch: pytest.MonkeyPatch,
     # Of a horizontal receiver before an endless wall with its upper edge at the angle h: (1 + cos h) / 2.
     distance = 2.0 * (40 - np.arange(25, 40) - 0.5)
     expected = 0.5 * (1.0 + np.cos(np.arctan(30.0 / distance)))
-    np.testing.assert_allclose(found[30, 25:40], expected, atol=0.03)  # 8 slices, 16 taps, a blur of 5 pixels
+    np.testing.assert_allclose(found[30, 25:40], expected, atol=0.03)  # 8 slices, 64 taps, a blur of 3 pixels
     np.testing.assert_allclose(found[:, 60:], 1.0, atol=1e-6)  # on the plateau
 
 

@@ -44,7 +44,11 @@ class OcclusionParams(Params):
     )
     resolution: Resolution = param("full", "size at which occlusion is computed", choices=tuple(RESOLUTIONS))
     blur_radius: int = param(
-        2, "edge-aware blur against the noise of the 4 x 4 tile; 0 for none", low=0, high=16, unit="px"
+        2,
+        "edge-aware blur against the noise of the 4 x 4 tile; 2 and 3 leave nothing that repeats with it; 0 for none",
+        low=0,
+        high=16,
+        unit="px",
     )
     blur_passes: int = param(1, "how often it is blurred", low=0, high=64)
     blur_resolution: BlurResolution = param(

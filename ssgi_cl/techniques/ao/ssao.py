@@ -73,7 +73,11 @@ class SsaoParams(OcclusionParams):
     )
     samples: int = param(16, "points per pixel and radius", low=1, high=256)
     blur_radius: int = param(
-        4, "edge-aware blur against the noise of the 8 x 8 tile; 0 for none", low=0, high=16, unit="px"
+        4,
+        "edge-aware blur against the noise of the 8 x 8 tile; 4 leaves nothing that repeats with it; 0 for none",
+        low=0,
+        high=16,
+        unit="px",
     )
     length_power: float = param(
         0.5, "points lie at u^power of the radius, u uniform; 1/3 fills the ball evenly", low=0.05, high=4.0

@@ -125,7 +125,7 @@ __kernel void ssao(ssgi_plane depth, ssgi_plane normal, __global const float *re
     const vfloat own_height = v_fma(nx, px, v_fma(ny, py, -(nz * z)));
 #endif
 
-    __global const float *restrict tile = 
+    __global const float *restrict tile =
         samples + (y & (SSAO_TILE - 1)) * SSAO_TILE_ROW + (x & (SSAO_TILE - 1));
     vfloat greatest = zero;
     for (int j = 0; j < SSAO_RADII; ++j) {

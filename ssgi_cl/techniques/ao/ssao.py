@@ -51,7 +51,7 @@ FALLOFFS = ("exponential", "ramp")
 POINT_ORDER = np.block([[4 * TILE_ORDER, 4 * TILE_ORDER + 2], [4 * TILE_ORDER + 3, 4 * TILE_ORDER + 1]])
 """[8, 8] Bayer's order of the pixels of a tile."""
 TABLE_COLUMNS = 16
-"""Columns of a row of the table that kernels read: what as many lanes take from any column of a tile."""
+"""Columns of the table that kernels read: the most lanes."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -48,6 +48,7 @@ def test_kernel_agrees_with_numpy_reference_in_every_scene_and_camera(
 SWITCHES: list[tuple[dict[str, Any], int]] = [
     ({"radius": 7, "separable": False}, 1),
     ({"radius": 16, "sigma": 6.0, "passes": 2}, 1),
+    ({"radius": 3, "sigma": math.inf, "separable": False}, 1),
     ({"depth_sigma": 0.1, "normal_sigma": 1.0}, 3),
 ]
 """And how many channels are blurred; the slow tests take the other number too, and the least radius."""

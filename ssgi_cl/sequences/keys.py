@@ -11,6 +11,7 @@ import inspect
 import os
 import struct
 from collections.abc import Callable, Mapping
+from dataclasses import fields, is_dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -125,8 +126,8 @@ def _add(whole: Any, value: Any) -> None:
         for each in value:
             _add(whole, each)
         return
-    elif hasattr(value, "__dataclass_fields__"):
-        _add(whole, (type(value).__qualname__, {name: getattr(value, name) for name in value.__dataclass_fields__}))
+    elif is_dataclass(value):
+        _add(whole, (type(value).__qualname__, {each.name: getattr(value, each.name) for each in fields(value)}))
         return
     else:
         head, body = type(value).__qualname__, value if isinstance(value, bytes) else repr(value).encode()

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ssgi_cl.core.camera import Camera
 from ssgi_cl.core.gbuffer import GBuffer
 from ssgi_cl.core.lights import Environment, Light, environments_of
+from ssgi_cl.core.params import parameter_fields
 from ssgi_cl.core.scene import Scene
 from ssgi_cl.device.runtime import Runtime
 from ssgi_cl.frame.params import FrameParams
@@ -160,7 +161,7 @@ def _occlusion(job: Job, surfaces: GBuffer) -> Floats | None:
     if params is None:
         return None
     technique = next(each for each in TECHNIQUES.values() if type(params) is each.params)
-    values = {name: getattr(params, name) for name in params.__dataclass_fields__ if name != "bent_normals"}
+    values = {name: getattr(params, name) for name in parameter_fields(type(params)) if name != "bent_normals"}
     found: Floats = technique.function(surfaces, runtime=job.runtime, **values)
     return found
 

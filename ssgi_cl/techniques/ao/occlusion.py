@@ -45,7 +45,7 @@ class OcclusionParams(Params):
     resolution: Resolution = param("full", "size at which occlusion is computed", choices=tuple(RESOLUTIONS))
     blur_radius: int = param(
         2,
-        "edge-aware blur against the noise of the 4 x 4 tile; 2 and 3 leave nothing that repeats with it; 0 for none",
+        "edge-aware blur against the noise of the 4 x 4 tile; 2 and 3 cancel what repeats with it; 0 for none",
         low=0,
         high=16,
         unit="px",

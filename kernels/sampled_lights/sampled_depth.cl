@@ -4,21 +4,21 @@
 // Method:  runs of SAMPLED_RUN triangles are brought to every view, a box a lane, and the triangles
 //          of those whose box has the middle of a texel, a triangle a lane. Of the few that have
 //          one themselves, small ones are drawn side by side, a triangle a lane, and the others one
-//          by one, a texel a lane, except where nearer surfaces are in all of these. Edge functions
-//          (Pineda 1988) of corners relative to the texel change sign exactly where two triangles
-//          share an edge.
-// Reads:   boxes      [runs][6] middle and half size of a box round the triangles of a run
-//          triangles  [9][stride] corners, relative to the scene's origin; of triangles with holes,
-//                     which sampled_cutouts draws, all three the same
-//          corners    4 x [stride], of which the last is 1 where the back is not there
+//          by one, row by row, a texel a lane. Where a map has one work-item, boxes and rows behind
+//          what their texels show are left out. Edge functions (Pineda 1988) of corners relative to
+//          the texel change sign exactly where two triangles share an edge.
+// Reads:   boxes      [runs][6] middle and half size of a box round the triangles of a run: large
+//                     ones first, behind which others are
+//          triangles  [10][runs][SAMPLED_RUN], see sampled_triangles
 //          views      [views][12] rows of the matrix to (column, row, depth) of the map, depth > 0
 // Writes:  maps       [views][texels][texels] bits of the least depth, INFINITY where nothing is;
 //                     the least is the same in any order
 // Macros:  SAMPLED_RUN: triangles that share a box, SAMPLED_BATCH: of a work-item; multiples of the
 //          lanes, and SAMPLED_BATCH / SAMPLED_RUN too; SAMPLED_CULL: 1 where triangles may lack
 //          their back
-// Params:  size = (views, batches); number of triangles, texels along a map's side, views of a
-//          work-item, the first of them
+// Params:  size = (views, batches); number of runs, texels along a map's side, views of a
+// work-item,
+//          the first of them
 // Launch:  one row for each batch and a column for each `each` views; with SSGI_LANES > 1 one row
 //          in all, so that a map has one work-item that writes it and no store is atomic
 // Cost:    60 operations per box and view, 90 per triangle of those that have a texel; 30 per
@@ -33,6 +33,7 @@
 
 #define SAMPLED_SMALL 12.0f    // texels of a box up to which triangles are drawn side by side
 #define SAMPLED_ROUNDED 2e-6f  // part of depths by which they may be rounded below their corners
+#define SAMPLED_LEVEL 0.01f    // texels between rows up to which edges count as level
 #define SAMPLED_BOX_ROOM 8e-3f // texels by which boxes of runs are widened, as SAMPLED_ROOM
 
 typedef struct {
@@ -51,43 +52,83 @@ static inline void sampled_least(__global int *restrict texel, const int bits)
     }
 }
 
-// A triangle, texels a lane each; the map has SSGI_LANES columns at least.
+// First and last columns that a triangle may cover in rows of texels whose middles are `at`.
+static inline void sampled_spans(const SampledTriangle *t, const vfloat at, vint *from, vint *to)
+{
+    const vfloat nowhere = v_splat(1e9f);
+    vfloat least = nowhere, most = -nowhere;
+#pragma unroll
+    for (int i = 0; i < 3; ++i) {
+        const int j = i == 2 ? 0 : i + 1;
+        const float low = min(t->y[i], t->y[j]), high = max(t->y[i], t->y[j]);
+        const vmask crossed =
+            v_ge(at, v_splat(low - SAMPLED_ROOM)) & v_le(at, v_splat(high + SAMPLED_ROOM));
+        vfloat first = v_splat(min(t->x[i], t->x[j])), last = v_splat(max(t->x[i], t->x[j]));
+        if (high - low > SAMPLED_LEVEL) {
+            const float per_row = (t->x[j] - t->x[i]) / (t->y[j] - t->y[i]);
+            const vfloat x = v_fma(at - t->y[i], v_splat(per_row), v_splat(t->x[i]));
+            const vfloat room = v_splat(SAMPLED_ROOM * (1.0f + fabs(per_row)));
+            first = v_max(first, v_min(x - room, last));
+            last = v_min(last, v_max(x + room, first));
+        }
+        least = v_min(least, v_select(nowhere, first, crossed));
+        most = v_max(most, v_select(-nowhere, last, crossed));
+    }
+    *from = v_imax(v_to_int(-v_floor(0.5f + SAMPLED_ROOM - least)), v_splat_int(t->left));
+    *to = v_imin(v_to_int(v_floor(most - (0.5f - SAMPLED_ROOM))), v_splat_int(t->right));
+}
+
+// A row of a triangle's texels, a lane each; the map has SSGI_LANES columns at least. `nearest`:
+// bits of a depth that the triangle has nowhere before it.
+static inline void sampled_draw_row(const SampledTriangle *t, const vfloat z[3], const vint nearest,
+                                    const int row, const int from, const int to,
+                                    __global int *restrict map, const int texels)
+{
+    const float middle = (float)row + 0.5f;
+    const vfloat y[3] = {v_splat(t->y[0] - middle), v_splat(t->y[1] - middle),
+                         v_splat(t->y[2] - middle)};
+    for (int left = from; left <= to; left += SSGI_LANES) {
+        const int first = min(left, texels - SSGI_LANES);
+        const vint column = v_iota() + first;
+        __global int *restrict texel = map + row * texels + first;
+#if SSGI_LANES > 1
+        const vint before = v_iload(texel);
+        if (!v_any(v_igt(before, nearest))) {
+            continue; // nearer surfaces are in all of these texels
+        }
+#endif
+        const vfloat at = v_to_float(column) + 0.5f;
+        const vfloat x[3] = {t->x[0] - at, t->x[1] - at, t->x[2] - at};
+        vfloat depth;
+        const vmask hit = sampled_cover(x, y, z, &depth) & v_ile(column, v_splat_int(to)) &
+                          v_ige(column, v_splat_int(from));
+        if (!v_any(hit)) {
+            continue;
+        }
+#if SSGI_LANES > 1
+        v_istore(v_iselect(before, v_imin(before, v_bits(depth)), hit), texel);
+#else
+        sampled_least(texel, v_bits(depth));
+#endif
+    }
+}
+
+// A triangle, row after row.
 static inline void sampled_draw(const SampledTriangle *t, __global int *restrict map,
                                 const int texels)
 {
     const vfloat z[3] = {v_splat(t->z[0]), v_splat(t->z[1]), v_splat(t->z[2])};
-#if SSGI_LANES > 1
     const vint nearest =
         v_bits(v_splat(min(min(t->z[0], t->z[1]), t->z[2]) * (1.0f - SAMPLED_ROUNDED)));
-#endif
-    for (int row = t->top; row <= t->bottom; ++row) {
-        const float middle = (float)row + 0.5f;
-        const vfloat y[3] = {v_splat(t->y[0] - middle), v_splat(t->y[1] - middle),
-                             v_splat(t->y[2] - middle)};
-        for (int left = t->left; left <= t->right; left += SSGI_LANES) {
-            const int first = min(left, texels - SSGI_LANES);
-            const vint column = v_iota() + first;
-            __global int *restrict texel = map + row * texels + first;
-#if SSGI_LANES > 1
-            const vint before = v_iload(texel);
-            if (!v_any(v_igt(before, nearest))) {
-                continue; // nearer surfaces are in all of these texels
-            }
-#endif
-            const vfloat at = v_to_float(column) + 0.5f;
-            const vfloat x[3] = {t->x[0] - at, t->x[1] - at, t->x[2] - at};
-            vfloat depth;
-            const vmask hit = sampled_cover(x, y, z, &depth) &
-                              v_ile(column, v_splat_int(t->right)) &
-                              v_ige(column, v_splat_int(t->left));
-            if (!v_any(hit)) {
-                continue;
-            }
-#if SSGI_LANES > 1
-            v_istore(v_iselect(before, v_imin(before, v_bits(depth)), hit), texel);
-#else
-            sampled_least(texel, v_bits(depth));
-#endif
+    for (int block = t->top; block <= t->bottom; block += SSGI_LANES) {
+        vint spans[2];
+        int from[SSGI_LANES], to[SSGI_LANES];
+        sampled_spans(t, v_to_float(v_iota() + block) + 0.5f, &spans[0], &spans[1]);
+        v_ikeep(spans[0], from);
+        v_ikeep(spans[1], to);
+        const int end = min(block + SSGI_LANES - 1, t->bottom);
+        for (int row = block; row <= end; ++row) {
+            sampled_draw_row(t, z, nearest, row, from[row - block], to[row - block], map, texels);
         }
     }
 }
@@ -123,14 +164,13 @@ static inline void sampled_draw_small(const vfloat x[3], const vfloat y[3], cons
     }
 }
 
-// The triangles of a run from `first` on, up to `end`, in one view, whose matrix is `m`.
+// The triangles of a run from `first` on in one view, whose matrix is `m`.
 static inline void sampled_run(__global const float *restrict triangles,
-                               __global const int *restrict corners,
                                __global const float *restrict m, __global int *restrict map,
-                               const int first, const int end, const int stride, const int texels)
+                               const int first, const int stride, const int texels)
 {
     const float last = (float)(texels - 1);
-    for (int i = first; i < end; i += SSGI_LANES) {
+    for (int i = first; i < first + SAMPLED_RUN; i += SSGI_LANES) {
         vfloat x[3], y[3], z[3];
         for (int corner = 0; corner < 3; ++corner) {
             __global const float *restrict at = triangles + 3 * corner * stride + i;
@@ -147,11 +187,10 @@ static inline void sampled_run(__global const float *restrict triangles,
         const vfloat bottom = v_floor(v_max(v_max(y[0], y[1]), y[2]) - (0.5f - SAMPLED_ROOM));
         const vfloat from_x = v_max(left, v_splat(0.0f)), to_x = v_min(right, v_splat(last));
         const vfloat from_y = v_max(top, v_splat(0.0f)), to_y = v_min(bottom, v_splat(last));
-        vmask wanted =
-            v_le(from_x, to_x) & v_le(from_y, to_y) & v_ilt(v_iota() + i, v_splat_int(end));
+        vmask wanted = v_le(from_x, to_x) & v_le(from_y, to_y);
 #if SAMPLED_CULL
-        wanted = wanted &
-                 ~(sampled_back(x, y) & v_igt(v_iload(corners + 3 * stride + i), v_splat_int(0)));
+        const vfloat one_sided = v_load(triangles + 9 * stride + i);
+        wanted = wanted & ~(sampled_back(x, y) & v_gt(one_sided, v_splat(0.0f)));
 #endif
         if (!v_any(wanted)) {
             continue;
@@ -193,34 +232,57 @@ static inline void sampled_run(__global const float *restrict triangles,
     }
 }
 
-// Where boxes may have the middle of a texel along an axis, whose row of the matrix is `m`.
-static inline vmask sampled_reaches(__global const float *restrict m, const vfloat box[6],
-                                    const int texels)
+// Middle and half size of boxes along an axis of a view, whose row of the matrix is `m`.
+static inline void sampled_along(__global const float *restrict m, const vfloat box[6],
+                                 vfloat *middle, vfloat *half_size)
 {
-    const vfloat middle = sampled_row(m, box[0], box[1], box[2]);
-    const vfloat half_size =
-        v_fma(box[3], v_splat(fabs(m[0])),
-              v_fma(box[4], v_splat(fabs(m[1])), box[5] * v_splat(fabs(m[2]))));
-    const vfloat low =
-        v_max(-v_floor(0.5f + SAMPLED_BOX_ROOM - (middle - half_size)), v_splat(0.0f));
-    const vfloat high = v_min(v_floor(middle + half_size - (0.5f - SAMPLED_BOX_ROOM)),
-                              v_splat((float)(texels - 1)));
-    return v_le(low, high);
+    *middle = sampled_row(m, box[0], box[1], box[2]);
+    *half_size = v_fma(box[3], v_splat(fabs(m[0])),
+                       v_fma(box[4], v_splat(fabs(m[1])), box[5] * v_splat(fabs(m[2]))));
 }
 
-// The triangles of a batch from `first` on in some views.
+// Where boxes may have the middle of a texel along an axis, and the first and last of these.
+static inline vmask sampled_reaches(__global const float *restrict m, const vfloat box[6],
+                                    const int texels, vfloat *first, vfloat *last)
+{
+    vfloat middle, half_size;
+    sampled_along(m, box, &middle, &half_size);
+    *first = v_max(-v_floor(0.5f + SAMPLED_BOX_ROOM - (middle - half_size)), v_splat(0.0f));
+    *last = v_min(v_floor(middle + half_size - (0.5f - SAMPLED_BOX_ROOM)),
+                  v_splat((float)(texels - 1)));
+    return v_le(*first, *last);
+}
+
+#if SSGI_LANES > 1
+// Whether no texel from the columns and rows `first` to `last` is farther than `nearest`, bits of
+// a depth.
+static inline bool sampled_hidden(__global const int *restrict map, const int texels,
+                                  const int2 first, const int2 last, const int nearest)
+{
+    for (int row = first.y; row <= last.y; ++row) {
+        for (int left = first.x; left <= last.x; left += SSGI_LANES) {
+            const int at = min(left, texels - SSGI_LANES);
+            const vint column = v_iota() + at;
+            const vmask inside =
+                v_ige(column, v_splat_int(first.x)) & v_ile(column, v_splat_int(last.x));
+            const vint there = v_iload(map + row * texels + at);
+            if (v_any(inside & v_igt(there, v_splat_int(nearest)))) {
+                return false;
+            }
+        }
+    }
+    return true;
+}
+#endif
+
+// Runs from `first` on, up to `end`, of `runs`, in some views.
 static inline void sampled_batch(__global const float *restrict boxes,
                                  __global const float *restrict triangles,
-                                 __global const int *restrict corners,
                                  __global const float *restrict views, __global int *restrict maps,
-                                 const int first, const int count, const int texels, const int view,
-                                 const int end_view)
+                                 const int first, const int end, const int runs, const int texels,
+                                 const int view, const int end_view)
 {
-    const int stride = (count + 15) & ~15;
-    const int runs = (count + SAMPLED_RUN - 1) / SAMPLED_RUN;
-    const int begin = first / SAMPLED_RUN;
-    const int end = min(begin + SAMPLED_BATCH / SAMPLED_RUN, runs);
-    for (int run = begin; run < end; run += SSGI_LANES) {
+    for (int run = first; run < end; run += SSGI_LANES) {
         const vint number = v_iota() + run;
         const vmask there = v_ilt(number, v_splat_int(end));
         const vint at = v_imin(number, v_splat_int(runs - 1)) * 6;
@@ -230,19 +292,39 @@ static inline void sampled_batch(__global const float *restrict boxes,
         }
         for (int i = view; i < end_view; ++i) {
             __global const float *restrict m = views + i * 12;
-            const vmask wanted =
-                there & sampled_reaches(m, box, texels) & sampled_reaches(m + 4, box, texels);
+            __global int *restrict map = maps + i * texels * texels;
+            vfloat left, right, top, bottom;
+            const vmask wanted = there & sampled_reaches(m, box, texels, &left, &right) &
+                                 sampled_reaches(m + 4, box, texels, &top, &bottom);
             if (!v_any(wanted)) {
                 continue;
             }
             int want[SSGI_LANES];
             v_ikeep(wanted, want);
+#if SSGI_LANES > 1
+            vfloat middle, half_size;
+            sampled_along(m + 8, box, &middle, &half_size);
+            const vfloat rounded = (v_abs(middle) + half_size) * SAMPLED_ROUNDED;
+            int nearest[SSGI_LANES], edges[4][SSGI_LANES];
+            v_ikeep(v_bits(v_max(middle - half_size - rounded, v_splat(0.0f))), nearest);
+            v_ikeep(v_to_int(left), edges[0]);
+            v_ikeep(v_to_int(top), edges[1]);
+            v_ikeep(v_to_int(right), edges[2]);
+            v_ikeep(v_to_int(bottom), edges[3]);
+#endif
             for (int lane = 0; lane < SSGI_LANES; ++lane) {
-                if (want[lane]) {
-                    const int own = (run + lane) * SAMPLED_RUN;
-                    sampled_run(triangles, corners, m, maps + i * texels * texels, own,
-                                min(own + SAMPLED_RUN, count), stride, texels);
+                if (!want[lane]) {
+                    continue;
                 }
+#if SSGI_LANES > 1
+                const int2 first_texel = (int2)(edges[0][lane], edges[1][lane]);
+                const int2 last_texel = (int2)(edges[2][lane], edges[3][lane]);
+                if (sampled_hidden(map, texels, first_texel, last_texel, nearest[lane])) {
+                    continue;
+                }
+#endif
+                sampled_run(triangles, m, map, (run + lane) * SAMPLED_RUN, runs * SAMPLED_RUN,
+                            texels);
             }
         }
     }
@@ -250,14 +332,14 @@ static inline void sampled_batch(__global const float *restrict boxes,
 
 __kernel void sampled_depth(__global const float *restrict boxes,
                             __global const float *restrict triangles,
-                            __global const int *restrict corners,
                             __global const float *restrict views, __global int *restrict maps,
-                            const int2 size, const int count, const int texels, const int each,
+                            const int2 size, const int runs, const int texels, const int each,
                             const int begin)
 {
     const int first = begin + (int)get_global_id(0) * each;
+    const int own = SAMPLED_BATCH / SAMPLED_RUN;
     for (int batch = (int)get_global_id(1); batch < size.y; batch += (int)get_global_size(1)) {
-        sampled_batch(boxes, triangles, corners, views, maps, batch * SAMPLED_BATCH, count, texels,
-                      first, min(first + each, size.x));
+        sampled_batch(boxes, triangles, views, maps, batch * own, min(batch * own + own, runs),
+                      runs, texels, first, min(first + each, size.x));
     }
 }

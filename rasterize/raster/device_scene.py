@@ -34,6 +34,7 @@ class DeviceScene:
         corners: 4 x [triangles, rounded up to 16] vertices, and whether the back is not there.
         boxes: [runs of `BOXED` triangles, 6] middle and half size of a box round them.
         few_boxes: [runs of `START_FEW` triangles, 6] likewise.
+        by_size: numbers of these runs, those with large boxes first, and `boxes_by_size` in that order.
         spread: mean diagonal of the latter over that of the scene: small where triangles that
             follow each other lie together.
         lobes: [materials, 4] specular reflectance and exponent of the Phong lobe.
@@ -61,7 +62,10 @@ class DeviceScene:
         boxes, few = triangle_boxes(scene.positions, scene.triangles, (BOXED, START_FEW))
         self.boxes, self.few_boxes = runtime.array(boxes), runtime.array(few)
         extent = 0.5 * float(np.linalg.norm(np.ptp(scene.bounds, axis=0))) or 1.0
-        self.spread = float(np.linalg.norm(few[:, 3:].astype(np.float64), axis=1).mean()) / extent
+        sizes = np.linalg.norm(few[:, 3:].astype(np.float64), axis=1)
+        order = np.argsort(-sizes, kind="stable")
+        self.by_size, self.boxes_by_size = runtime.array(order.astype(np.int32)), runtime.array(few[order])
+        self.spread = float(sizes.mean()) / extent
         materials = np.array(
             [
                 [*m.albedo, m.texture, m.alpha, m.alpha_cutoff, *m.emission, *m.spread, m.emission_texture]

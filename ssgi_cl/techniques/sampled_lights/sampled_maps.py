@@ -48,7 +48,7 @@ class SampledMaps:
         self.flux: Doubles = np.zeros((0, 3))
         self.views: Doubles = np.zeros((0, 3, 4))
         self.diagonals: Doubles = np.zeros(0)
-        self._triangles = runtime.kernel("sampled_lights/sampled_triangles.cl")
+        self._triangles = runtime.kernel("sampled_lights/sampled_triangles.cl", {"SAMPLED_RUN": START_FEW})
         self._cutouts = runtime.kernel("sampled_lights/sampled_cutouts.cl")
         self._matrices = runtime.empty(count * 12, np.float32)
         self._maps: DeviceArray | None = None
@@ -91,12 +91,13 @@ class SampledMaps:
         runtime, texels, count = self.runtime, self.texels, self.count
         solid = device_scene(scene, runtime)
         triangles = solid.triangles
-        planar = runtime.transient.array(9 * solid.triangle_stride, np.float32)
+        planar = runtime.transient.array(10 * solid.triangle_stride, np.float32)
         self._triangles.run(
             (1, solid.triangle_stride),
             corners=solid.corners,
             positions=solid.positions,
             cutouts=solid.cutouts,
+            order=solid.by_size,
             triangles=planar,
             count=triangles,
             vertex_stride=solid.vertex_stride,
@@ -119,12 +120,11 @@ class SampledMaps:
                     (batches, count),
                     grid=(rows, -(-min(some, count - begin) // each)),
                     local=runtime.small_groups(1),
-                    boxes=solid.few_boxes,
+                    boxes=solid.boxes_by_size,
                     triangles=planar,
-                    corners=solid.corners,
                     views=self._matrices,
                     maps=self._maps,
-                    count=triangles,
+                    runs=solid.triangle_stride // START_FEW,
                     texels=texels,
                     each=each,
                     begin=begin,

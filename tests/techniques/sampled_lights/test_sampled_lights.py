@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -170,23 +171,44 @@ def _maps(runtime: Runtime, scene: Scene) -> tuple[NDArray[np.float32], Doubles]
         return made.ready().download().view(np.float32).reshape(16, 61, 61), made.views
 
 
-def test_maps_have_the_depth_of_numpy_in_every_texel(
-    runtime: Runtime, variant_runtime: Runtime, rng: np.random.Generator
-) -> None:
+def _strewn(rng: np.random.Generator) -> Scene:
+    """Triangles of three sizes anywhere."""
     triangles = rng.permutation(300).reshape(100, 3).astype(np.int32)
     middle = rng.uniform(-1.0, 1.0, (100, 1, 3))
     size = rng.choice([0.02, 0.2, 1.0], (100, 1, 1))
     points = np.zeros((300, 3), np.float32)
     points[triangles] = middle + size * rng.uniform(-1.0, 1.0, (100, 3, 3))
-    scene = scene_of(points, triangles)
+    return scene_of(points, triangles)
+
+
+def _clusters(rng: np.random.Generator) -> Scene:
+    """Small triangles close together in runs, half of them within a box of large ones that has an opening, and thin
+    ones that lie across the texels."""
+    middle = np.repeat(rng.uniform(-1.0, 1.0, (60, 1, 3)), 16, axis=0)
+    middle += 0.15 * rng.uniform(-1.0, 1.0, middle.shape)
+    small = middle + 0.04 * rng.uniform(-1.0, 1.0, (len(middle), 3, 3))
+    x, y = np.meshgrid([-0.7, 0.7], [-0.7, 0.7])
+    side = np.stack([x, y, np.full_like(x, 0.7)], axis=-1).reshape(4, 3)[[0, 1, 2, 3, 2, 1]].reshape(2, 3, 3)
+    walls = [sign * np.roll(side, turn, axis=2) for turn in range(3) for sign in (-1.0, 1.0)][1:]
+    start = rng.uniform(-1.0, 1.0, (50, 1, 3))
+    thin = start + np.array([0.0, 0.01, 1.0])[:, None] * rng.uniform(-1.0, 1.0, (50, 3, 3))
+    corners = np.concatenate([small, *walls, thin]).astype(np.float32)
+    return scene_of(corners.reshape(-1, 3), np.arange(3 * len(corners), dtype=np.int32).reshape(-1, 3))
+
+
+@pytest.mark.parametrize("made", [_strewn, _clusters])
+def test_maps_have_the_depth_of_numpy_in_every_texel(
+    runtime: Runtime, variant_runtime: Runtime, rng: np.random.Generator, made: Callable[[np.random.Generator], Scene]
+) -> None:
+    scene = made(rng)
     for each in (runtime, variant_runtime):
         maps, views = _maps(each, scene)
         wanted = np.array([depth_map(scene, matrix, 61) for matrix in views])
         seen = np.isfinite(wanted)
         assert 0.1 < seen.mean() < 0.9
-        # An edge within a rounding of a texel's middle falls to either side.
+        # An edge within a rounding of a texel's middle falls to either side; measured: none does.
         off = ~np.isclose(maps, wanted, rtol=1e-3, atol=1e-4)
-        assert off.mean() < 1e-3, off.mean()
+        assert off.sum() <= 1, off.sum()
 
 
 def test_bit_identical_results_from_run_to_run_and_when_drawn_anew(runtime: Runtime) -> None:

@@ -17,8 +17,7 @@
 //          lanes, and SAMPLED_BATCH / SAMPLED_RUN too; SAMPLED_CULL: 1 where triangles may lack
 //          their back
 // Params:  size = (views, batches); number of runs, texels along a map's side, views of a
-// work-item,
-//          the first of them
+//          work-item, the first of them
 // Launch:  one row for each batch and a column for each `each` views; with SSGI_LANES > 1 one row
 //          in all, so that a map has one work-item that writes it and no store is atomic
 // Cost:    60 operations per box and view, 90 per triangle of those that have a texel; 30 per

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -73,6 +73,32 @@ def candidates(entry: Technique) -> Iterator[dict[str, Any]]:
     """Yield all combinations of the values in the entry's `tunable`."""
     for values in itertools.product(*entry.tunable.values()):
         yield dict(zip(entry.tunable, values, strict=True))
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """Steps that a record has for one number of layers.
+
+    Attributes:
+        default: that of the defaults.
+        presets: those with names.
+        curve: the ladder.
+        better_than_default: those that are faster and err less than `default`.
+    """
+
+    default: Step
+    presets: Mapping[str, Step]
+    curve: Sequence[Step]
+    better_than_default: Sequence[Step]
+
+    @classmethod
+    def of(cls, recorded: Mapping[str, Any], step: Callable[[Mapping[str, Any]], Step]) -> Chosen:
+        """Return what `_written` returned, of which `step` makes steps."""
+        return cls(
+            step(recorded["default"]),
+            {name: step(known) for name, known in recorded["presets"].items()},
+            *([step(known) for known in recorded[key]] for key in ("curve", "better_than_default")),
+        )
 
 
 def ladder(steps: Sequence[Step], usual: Step) -> list[Step]:
@@ -187,20 +213,10 @@ def _recorded(entry: Technique, sets: SceneSets, layers: int, progress: Report |
     steps = without_noise(steps)
     usual = steps[every.index(usual_values)]
     chain = ladder(steps, usual)
-    return _written(
-        sets,
-        entry,
-        layers,
-        {
-            "default": usual,
-            "presets": named(chain, usual),
-            "curve": chain,
-            "better_than_default": better_than(steps, usual),
-        },
-    )
+    return _written(sets, entry, layers, Chosen(usual, named(chain, usual), chain, better_than(steps, usual)))
 
 
-def _written(sets: SceneSets, entry: Technique, layers: int, chosen: Mapping[str, Any]) -> dict[str, Any]:
+def _written(sets: SceneSets, entry: Technique, layers: int, chosen: Chosen) -> dict[str, Any]:
     """Return what is recorded of the steps for one number of layers."""
     trials = sets.trials(entry, layers)
     whole = sets.trials(entry, layers, 0.0)["tuning"]
@@ -221,10 +237,10 @@ def _written(sets: SceneSets, entry: Technique, layers: int, chosen: Mapping[str
 
     return {
         "layers": layers,
-        "default": written(chosen["default"]),
-        "presets": {name: {**written(step), "by_scene": by_scene(step)} for name, step in chosen["presets"].items()},
-        "curve": [written(step) for step in chosen["curve"]],
-        "better_than_default": [written(step) for step in chosen["better_than_default"]],
+        "default": written(chosen.default),
+        "presets": {name: {**written(step), "by_scene": by_scene(step)} for name, step in chosen.presets.items()},
+        "curve": [written(step) for step in chosen.curve],
+        "better_than_default": [written(step) for step in chosen.better_than_default],
     }
 
 
@@ -237,19 +253,16 @@ def errors_anew(document: Mapping[str, Any], sets: SceneSets) -> dict[str, Any]:
     """
     entry = entry_of(document["technique"])
 
-    def again(trials: Mapping[str, Trials], known: Mapping[str, Any]) -> Step:
-        values = known["parameters"]
-        return Step(values, known["ms"], trials["tuning"].error(values), trials["validation"].error(values))
-
-    layers = []
-    for recorded in document["layers"]:
+    def anew(recorded: Mapping[str, Any]) -> dict[str, Any]:
         trials = sets.trials(entry, recorded["layers"])
-        chosen = {
-            "default": again(trials, recorded["default"]),
-            "presets": {name: again(trials, known) for name, known in recorded["presets"].items()},
-            **{key: [again(trials, known) for known in recorded[key]] for key in ("curve", "better_than_default")},
-        }
-        layers.append(_written(sets, entry, recorded["layers"], chosen))
+
+        def step(known: Mapping[str, Any]) -> Step:
+            values = known["parameters"]
+            return Step(values, known["ms"], trials["tuning"].error(values), trials["validation"].error(values))
+
+        return _written(sets, entry, recorded["layers"], Chosen.of(recorded, step))
+
+    layers = [anew(recorded) for recorded in document["layers"]]
     return {**document, "scenes": {name: described(sets.views[name]) for name in SETS}, "layers": layers}
 
 

@@ -43,13 +43,7 @@ class OcclusionParams(Params):
         math.inf, "limit of the projected radius, for a near view", low=1.0, high=math.inf, unit="px"
     )
     resolution: Resolution = param("full", "size at which occlusion is computed", choices=tuple(RESOLUTIONS))
-    blur_radius: int = param(
-        2,
-        "edge-aware blur against the noise of the 4 x 4 tile; 2 and 3 cancel what repeats with it; 0 for none",
-        low=0,
-        high=16,
-        unit="px",
-    )
+    blur_radius: int = param(2, "edge-aware blur against noise; 0 for none", low=0, high=16, unit="px")
     blur_passes: int = param(1, "how often it is blurred", low=0, high=64)
     blur_resolution: BlurResolution = param(
         "own",

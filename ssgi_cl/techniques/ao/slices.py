@@ -101,6 +101,13 @@ class ScanParams(SliceParams):
     """The mean of the tile, and a Gaussian that weighs half two pixels away: what repeats every 4 pixels along rows or
     columns cancels out, 1 - 2 / 2 = 0."""
 
+    blur_radius: int = param(
+        TILE // 2,
+        "edge-aware blur against the noise of the 4 x 4 tile; 2 and 3 cancel what repeats with it; 0 for none",
+        low=0,
+        high=16,
+        unit="px",
+    )
     checkerboard: bool = param(
         False,
         "scan every other pixel, as on a checkerboard: the blur finds the others from their neighbours; at full "

@@ -51,6 +51,7 @@ static inline void sampled_least(__global int *restrict texel, const int bits)
     }
 }
 
+#if SSGI_LANES > 1
 // First and last columns that a triangle may cover in rows of texels whose middles are `at`.
 static inline void sampled_spans(const SampledTriangle *t, const vfloat at, vint *from, vint *to)
 {
@@ -76,6 +77,7 @@ static inline void sampled_spans(const SampledTriangle *t, const vfloat at, vint
     *from = v_imax(v_to_int(-v_floor(0.5f + SAMPLED_ROOM - least)), v_splat_int(t->left));
     *to = v_imin(v_to_int(v_floor(most - (0.5f - SAMPLED_ROOM))), v_splat_int(t->right));
 }
+#endif
 
 // A row of a triangle's texels, a lane each; the map has SSGI_LANES columns at least. `nearest`:
 // bits of a depth that the triangle has nowhere before it.
@@ -119,17 +121,23 @@ static inline void sampled_draw(const SampledTriangle *t, __global int *restrict
     const vfloat z[3] = {v_splat(t->z[0]), v_splat(t->z[1]), v_splat(t->z[2])};
     const vint nearest =
         v_bits(v_splat(min(min(t->z[0], t->z[1]), t->z[2]) * (1.0f - SAMPLED_ROUNDED)));
+#if SSGI_LANES > 1
     for (int block = t->top; block <= t->bottom; block += SSGI_LANES) {
-        vint spans[2];
+        vint first, last;
         int from[SSGI_LANES], to[SSGI_LANES];
-        sampled_spans(t, v_to_float(v_iota() + block) + 0.5f, &spans[0], &spans[1]);
-        v_ikeep(spans[0], from);
-        v_ikeep(spans[1], to);
+        sampled_spans(t, v_to_float(v_iota() + block) + 0.5f, &first, &last);
+        v_ikeep(first, from);
+        v_ikeep(last, to);
         const int end = min(block + SSGI_LANES - 1, t->bottom);
         for (int row = block; row <= end; ++row) {
             sampled_draw_row(t, z, nearest, row, from[row - block], to[row - block], map, texels);
         }
     }
+#else
+    for (int row = t->top; row <= t->bottom; ++row) {
+        sampled_draw_row(t, z, nearest, row, t->left, t->right, map, texels);
+    }
+#endif
 }
 
 // Triangles where `wanted`, a lane each: all walk through the texels of their boxes at once.

@@ -34,7 +34,6 @@ class DeviceScene:
         corners: 4 x [triangles, rounded up to 16] vertices, and whether the back is not there.
         boxes: [runs of `BOXED` triangles, 6] middle and half size of a box round them.
         few_boxes: [runs of `START_FEW` triangles, 6] likewise.
-        by_size: numbers of these runs, those with large boxes first, and `boxes_by_size` in that order.
         spread: mean diagonal of the latter over that of the scene: small where triangles that
             follow each other lie together.
         lobes: [materials, 4] specular reflectance and exponent of the Phong lobe.
@@ -60,12 +59,9 @@ class DeviceScene:
         self.shading = runtime.array(np.column_stack(parts))
         self.faces = runtime.array(np.column_stack([scene.triangles, scene.material_ids]))
         boxes, few = triangle_boxes(scene.positions, scene.triangles, (BOXED, START_FEW))
-        self.boxes, self.few_boxes = runtime.array(boxes), runtime.array(few)
+        self.boxes, self.few_boxes, self._few = runtime.array(boxes), runtime.array(few), few
         extent = 0.5 * float(np.linalg.norm(np.ptp(scene.bounds, axis=0))) or 1.0
-        sizes = np.linalg.norm(few[:, 3:].astype(np.float64), axis=1)
-        order = np.argsort(-sizes, kind="stable")
-        self.by_size, self.boxes_by_size = runtime.array(order.astype(np.int32)), runtime.array(few[order])
-        self.spread = float(sizes.mean()) / extent
+        self.spread = float(np.linalg.norm(few[:, 3:].astype(np.float64), axis=1).mean()) / extent
         materials = np.array(
             [
                 [*m.albedo, m.texture, m.alpha, m.alpha_cutoff, *m.emission, *m.spread, m.emission_texture]
@@ -91,6 +87,12 @@ class DeviceScene:
         self.has_cutouts = bool((cutouts >= 0).any())
         self.culls = scene.culls
         self._runtime, self._scene = runtime, ref(scene)  # it goes with the scene
+
+    @cached_property
+    def by_size(self) -> tuple[DeviceArray, DeviceArray]:
+        """[runs] int32 numbers of the runs of `few_boxes`, those with large boxes first, and [runs, 6] these boxes."""
+        order = np.argsort(-np.linalg.norm(self._few[:, 3:].astype(np.float64), axis=1), kind="stable")
+        return self._runtime.array(order.astype(np.int32)), self._runtime.array(self._few[order])
 
     @cached_property
     def _sides(self) -> NDArray[np.int32]:

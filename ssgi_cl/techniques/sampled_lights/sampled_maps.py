@@ -91,13 +91,14 @@ class SampledMaps:
         runtime, texels, count = self.runtime, self.texels, self.count
         solid = device_scene(scene, runtime)
         triangles = solid.triangles
+        order, boxes = solid.by_size
         planar = runtime.transient.array(10 * solid.triangle_stride, np.float32)
         self._triangles.run(
             (1, solid.triangle_stride),
             corners=solid.corners,
             positions=solid.positions,
             cutouts=solid.cutouts,
-            order=solid.by_size,
+            order=order,
             triangles=planar,
             count=triangles,
             vertex_stride=solid.vertex_stride,
@@ -120,7 +121,7 @@ class SampledMaps:
                     (batches, count),
                     grid=(rows, -(-min(some, count - begin) // each)),
                     local=runtime.small_groups(1),
-                    boxes=solid.boxes_by_size,
+                    boxes=boxes,
                     triangles=planar,
                     views=self._matrices,
                     maps=self._maps,

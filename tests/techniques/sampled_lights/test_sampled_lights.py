@@ -182,7 +182,7 @@ def _strewn(rng: np.random.Generator) -> Scene:
 
 
 def _clusters(rng: np.random.Generator) -> Scene:
-    """Small triangles close together in runs, half of them within a box of large ones that has an opening, and thin
+    """Small triangles close together in runs, a third of them within a box of large ones that has an opening, and thin
     ones that lie across the texels."""
     middle = np.repeat(rng.uniform(-1.0, 1.0, (60, 1, 3)), 16, axis=0)
     middle += 0.15 * rng.uniform(-1.0, 1.0, middle.shape)
